@@ -177,7 +177,8 @@ def _with_rows(waves: Wavelengths, found: FitData, measurement: Measurement) -> 
         rows, state = m.at_wavelength(wavelength), found.status[i]
         part = m.where(rows)
         own.append(each[i]._replace(measured_um=np.atleast_1d(wavelength), rows=part))
-        on = on_rows(u, part, fitted[rows], seen.curve[rows], seen.stated, state == CONVERGED)
+        shown_part = fitted[rows], seen.curve[rows], seen.stated
+        on = on_rows(u, part, *shown_part, state == CONVERGED, alone=False)
         known = {f.code for f in found.findings if f.at[i]}
         told.append([] if state == NOT_CONVERGED or known & {*OPEN} else list(on))
     return replace(

@@ -74,7 +74,9 @@ def implausible_indices(
     if rising := _rising(fit.u, end, wavelength_um):
         out["rising_index"] = {"indices": rising}
     if low := _low(fit, end):
-        out["low_index"] = {"indices": tuple(low), "most": max(low.values())}
+        first = tuple(name for name, _ in low.values())
+        most = max(eta for _, eta in low.values())
+        out["low_index"] = {"indices": tuple(low), "most": most, "first": first}
     return out
 
 
@@ -102,8 +104,10 @@ def _rising(u: Unknowns, end: End, wavelength_um: np.ndarray) -> tuple[str, ...]
     return tuple(out)
 
 
-def _low(fit: Problem, end: End) -> dict[str, float]:
-    """Return the transparent films of low index, by the names of their eta, and the highest eta.
+def _low(fit: Problem, end: End) -> dict[str, tuple[str, float]]:
+    """Return the transparent films of low index, by the names of their eta.
+
+    Of each the name of the first parameter of its index, and the highest eta.
 
     A thick film of low index reflects like a thin one of higher index, but for weak fringes. 22 nm
     of eta 1.4 on silicon ended as 73 nm of eta 1.05, within the noise.
@@ -115,5 +119,5 @@ def _low(fit: Problem, end: End) -> dict[str, float]:
         eta, k = film_index(fit, film, end.y[:, None])[:, fit.seen.measured]
         if acting and eta.max() < _LOW_ETA and k.max() < _LOW_K:
             name = fit.u.labels[f"{place}.thickness_nm"].removesuffix("thickness_nm")
-            out[f"{name}eta"] = float(eta.max())
+            out[f"{name}eta"] = fit.u.labels[acting[0]], float(eta.max())
     return out

@@ -211,11 +211,12 @@ def _by_the_model_alone(u: Unknowns, m: Measurement, determined: bool) -> bool:
 
 def on_rows(
     u: Unknowns, m: Measurement, fitted: np.ndarray, curve: np.ndarray, stated: bool,
-    determined: bool,
+    determined: bool, alone: bool = True,
 ) -> Iterator[Finding]:  # fmt: skip
     """Yield what the data and their residuals tell of a fit.
 
-    fitted, curve: (N,) the model at each datum, and its curve. determined: by the data.
+    fitted, curve: (N,) the model at each datum, and its curve. determined: by the data. alone:
+    whether it is not one of many wavelengths, for which the instrument cannot be fitted.
     """
     if _by_the_model_alone(u, m, determined):
         yield _finding("by_the_model_alone")
@@ -223,7 +224,8 @@ def on_rows(
     if order is not None:
         yield _finding(
             "residuals_in_order", along=order.along, correlation=order.correlation,
-            chance=order.chance,
+            chance=order.chance, powers=bool(are_powers(m.quantity).all()),
+            as_it_is=alone and not any(_bare(name) in INSTRUMENT for name in u.spec.moving),
         )  # fmt: skip
 
 
@@ -255,6 +257,9 @@ def _other_minima(found: FitData, ok: np.ndarray) -> Iterator[tuple[Any, ...]]:
         "values": np.stack([values[1] for values in each.values()], -1),
         "delta_chi2": best.delta_chi2, "thicknesses": thick,
         "ranges": np.stack(ranges, -2) if ranges else (),
+        "own": () if found.shape else tuple(float(values[0]) for values in each.values()),
+        "spectrum": found.sample is not None and found.sample.bare and len(found.shape) == 1
+        and found.measurement is not None,
     }  # fmt: skip
 
 
@@ -351,13 +356,16 @@ def findings_of_all(
     stated, taken = found.errors.stated, found.errors.taken
     large, small = beyond_chance(reduced, dof)
     unseen = list(unseen)
+    # A bare surface is searched from a mesh of indices.
+    own_starts = not found.shape and not (found.sample is not None and found.sample.by_wavelength)
+    more = 4 * found.starts * own_starts
     few = ok & (np.asarray(found.n_data) < len(known)) & (status == UNDETERMINED)
     chi2 = {
         "chi2_reduced": reduced, "factor": np.sqrt(reduced),
         "errors": taken if stated else "scaled", "robust": found.loss != "squares",
     }  # fmt: skip
     told: list[tuple[Any, ...]] = [
-        ("not_converged", failed & np.logical_not(missed), {}),
+        ("not_converged", failed & np.logical_not(missed), {"more": more}),
         ("misses_without_freedom", failed & missed, size),
         *(("not_seen", ok & at, {"parameters": names}) for at, names in unseen),
         ("one_value", few & ~np.any([at for at, _ in unseen], 0), {}),
@@ -370,13 +378,15 @@ def findings_of_all(
             *_correlated(tuple(known), found.correlation, ok),
         ]
     sure = status == CONVERGED
-    reached = {"starts": found.starts, "reached": found.reached}
+    reached = {"starts": found.starts, "reached": found.reached, "more": more}
     few = (np.asarray(found.starts) > FEW_REACHED) & (np.asarray(found.reached) < FEW_REACHED)
     told += [*_other_minima(found, sure), ("few_starts_agree", sure & few, reached)]
     sample = found.sample
     if sample is not None:
         what = "one bare surface" if sample.bare else "this stack" if sample.films else "this plate"
+        as_it_is = not found.shape and not any(_bare(name) in INSTRUMENT for name in known)
         far = {"rms": found.rms, "sample": what, "noise": noise}
+        far["measured"] = tuple(found.rms_of) if as_it_is else ()
         told.append(("does_not_describe", ok & ((rms > OUT_OF_MODEL) | np.isfinite(noise)), far))
         told.append(("quadratic_misleads", ok & _turned(found), {}))
     seen = np.any([np.isfinite(e.sigma) for e in known.values()], axis=0)
@@ -401,7 +411,7 @@ def findings(
         out += _thin_film(known, correlation, float(np.nanmin(of.measurement.wavelength_um)))
     out += _on_measured(fit, of, end)
     if f.lower:
-        out.append(_finding("better_minimum_met", by=f.lower))
+        out.append(_finding("better_minimum_met", by=f.lower, more=4 * fit.starts))
     out += not_quadratic(known, f.known.quadratic[free])
     out += _contradicted_priors(fit, known)
     if "angle_offset" in known and abs(known["angle_offset"].value) > PLAUSIBLE_OFFSET_DEG:

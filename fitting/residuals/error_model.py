@@ -22,6 +22,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import chdtr
 
 ADDED = FLOOR, RELATIVE = "floor", "relative"
 # What may be believed of stated errors; see `fitting.fit`.
@@ -43,6 +44,8 @@ GAIN = 2.0
 # The fit with one factor may follow the few best data alone where errors are stated that are more
 # unequal than this; its residuals then say little of a further error.
 UNEQUAL = 10.0
+# So few of right fits have so small a chi2 that their stated errors are said to look too large.
+UNLIKELY = 1e-3
 # Beyond this correlation the factor would exceed 6, and the errors are unknown.
 MOST_CORRELATED = 0.95
 
@@ -146,10 +149,11 @@ def misses_without_freedom(cost: Any, plain: Any, count: Any, dof: Any, stated: 
 
 
 def beyond_chance(chi2_reduced: Any, dof: Any) -> tuple[Any, Any]:
-    """Return where chi2 / dof is above 1 by 5 sigma and by half, and where it is so far below."""
+    """Return where chi2 / dof is above 1 by 5 sigma and by half, and where it is far below 1.
+
+    That is below the `UNLIKELY` quantile of its distribution, which is skew, and below 1 / 1.5.
+    """
     with np.errstate(all="ignore"):
-        error = np.sqrt(2.0 / np.asarray(dof))
-        large = (chi2_reduced > 1.0 + 5.0 * error) & (chi2_reduced > 1.5)
-        # The distribution is skew: for fewer than 50 degrees of freedom 5 sigma below 1 is below 0.
-        small = (chi2_reduced < 1.0 / (1.0 + 5.0 * error)) & (chi2_reduced < 1.0 / 1.5)
-    return large, small
+        large = (chi2_reduced > 1.0 + 5.0 * np.sqrt(2.0 / np.asarray(dof))) & (chi2_reduced > 1.5)
+        small = chdtr(dof, np.asarray(dof) * chi2_reduced) < UNLIKELY
+    return large, small & (chi2_reduced < 1.0 / 1.5)

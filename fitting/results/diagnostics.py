@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.results.result_parts import item
-from fitting.results.sentences import SENTENCES
+from fitting.results.sentences import SENTENCES, advice
 
 _RANK = {code: i for i, code in enumerate(SENTENCES)}
 
@@ -30,12 +30,22 @@ class Warning(NamedTuple):
     values: Mapping[str, Any] = {}
 
     @property
-    def text(self) -> str:
-        """The sentence."""
+    def sentence(self) -> str:
+        """What is wrong."""
         sentence = SENTENCES[self.code]
         if isinstance(sentence, str):
             return sentence.format_map(self.values)
         return sentence(self.values)
+
+    @property
+    def advice(self) -> str:
+        """What to try, as text to copy: option of the command and argument in Python; or ""."""
+        return advice(self.code, self.values)
+
+    @property
+    def text(self) -> str:
+        """The sentence, and what to try."""
+        return f"{self.sentence} {self.advice}".rstrip()
 
     def __str__(self) -> str:
         return self.text

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from fitting.results import wording
+from fitting.samples.parameters import parse_setting
 
 SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     "not_converged": lambda v: (
@@ -76,11 +77,11 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     "residuals_in_order": wording.residuals_in_order,
     "few_starts_agree": (
         "only {reached} of {starts} starting points led to the best minimum: a better one may "
-        "exist. Take more starts, or fewer parameters."
+        "exist."
     ),
     "better_minimum_met": (
         "near this minimum there is a fit whose chi2 is lower by {by:.4g} (in units of the "
-        "scatter), but its own minimum was not reached. Take more starts, or fewer parameters."
+        "scatter), but its own minimum was not reached."
     ),
     "chi2_large": wording.chi2_large,
     "compatible_with_zero": wording.compatible_with_zero,
@@ -94,8 +95,7 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     "not_quadratic": wording.not_quadratic,
     "quadratic_misleads": (
         "the standard errors of eta and k and the intervals made of them mislead, since the curve "
-        "is not linear in eta and k over their range. Ask for intervals by profile likelihood "
-        "('auto' or 'profile')."
+        "is not linear in eta and k over their range."
     ),
     "open_interval": lambda v: (
         f"the 95 % interval of {wording.listed(v['parameters'])} is unlimited on one "
@@ -156,3 +156,72 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     ),
 }
 """Every code and its sentence, the most serious first; notes and reasons of `choose` come last."""
+
+_SAMPLE = "'air | cauchy 5..2000 nm | Si'"
+# What to try: a question or a reason ("" for none), and an option of the command with its value.
+# A function of the values gives () where nothing is to be tried.
+_Tries = tuple[tuple[str, str], ...]
+TRY: dict[str, _Tries | Callable[[Mapping[str, Any]], _Tries]] = {
+    "not_converged": wording.more_starts,
+    "gain_instead": lambda v: (("", f"--sample '{v['sample']}' --free scale"),),
+    "circle": (("Glass?", "--fix k=0"),),
+    "same_at_45_degrees": (("Glass?", "--fix k=0"),),
+    "combination": (("Glass?", "--fix k=0"),),
+    "one_value": (("Glass?", "--fix k=0"),),
+    "thin_film": lambda v: (
+        ("If the thickness is known:", f"--fix {v['thickness']}={v['value']:.4g}"),
+    ),
+    "fringes_in_noise": lambda v: (("", f"--bound {v['parameter']}=..{1.5 * v['without']:.3g}"),),
+    "rising_index": lambda v: tuple(
+        ("", f"--bound {name.removesuffix('eta')}B=0..") for name in v["indices"]
+    ),
+    "low_index": lambda v: tuple(("", f"--bound {name}=1.3..") for name in v.get("first", ())),
+    "other_minima": wording.to_the_other,
+    "does_not_describe": wording.instrument_errors,
+    "residuals_in_order": wording.drifted,
+    "few_starts_agree": wording.more_starts,
+    "better_minimum_met": wording.more_starts,
+    "chi2_large": lambda v: (("If the sample is right:", "--errors equal"),),
+    "compatible_with_zero": lambda v: (("To leave it out:", f"--fix {v['parameter']}=0"),),
+    "quadratic_misleads": (("", "--intervals auto"),),
+    "prior_contradicted": lambda v: tuple(
+        ("", f"--prior {name}={mean:.6g}+-{2.0 * errors * sigma:.2g}")
+        for name, (mean, sigma, _, errors) in v["priors"].items()
+    ),
+    "chi2_small": lambda v: (("", "--errors scaled"),) if v["errors"] == "stated" else (),
+    "implausible_offset": (("", "--fix angle_offset=0"),),
+    "sigma_missing": (("If you know them, for example:", "--sigma 0.002"),),
+    "pseudo_index": (("With a film, for example:", f"--sample {_SAMPLE}"),),
+    "choice_within_errors": (("", "--errors scaled"),),
+}
+
+
+def keywords(option: str) -> str:
+    """Return the arguments of `fit` (of `read_csv`: sigma) that options of the command stand for.
+
+    ``--fix k=0`` is ``fixed={"k": 0}``.
+    """
+    out = []
+    for text in f" {option}".split(" --")[1:]:
+        flag, _, value = text.partition(" ")
+        if flag in ("fix", "bound", "prior"):
+            name, kind, number = parse_setting(value)
+            ends = number if isinstance(number, tuple) else (number,)
+            each = [f"{x:.10g}".replace("inf", "float('inf')") for x in ends]
+            value = each[0] if len(each) == 1 else f"({', '.join(each)})"
+            out.append(f'{kind}={{"{name}": {value}}}')
+        else:
+            text = value.strip("'")
+            out.append(f"{flag}={text}" if flag in ("starts", "sigma") else f'{flag}="{text}"')
+    return ", ".join(out)
+
+
+def advice(code: str, values: Mapping[str, Any]) -> str:
+    """Return what to try where a warning is right: ``Glass? Try --fix k=0 (in Python: ...).``"""
+    tries = TRY.get(code, ())
+    tries = tries(values) if callable(tries) else tries
+    return " ".join(
+        f"{why} {'T' if not why or why.endswith('?') else 't'}ry {option} "
+        f"(in Python: {keywords(option)}).".lstrip()
+        for why, option in tries
+    )

@@ -56,6 +56,58 @@ def combination(v: Mapping[str, Any]) -> str:
     )
 
 
+Tries = tuple[tuple[str, str], ...]
+
+
+def more_starts(v: Mapping[str, Any]) -> Tries:
+    return (("", f"--starts {v['more']}"),) if v["more"] else ()
+
+
+def to_the_other(v: Mapping[str, Any]) -> Tries:
+    """Return how the best of the other minima is fitted: within a range that only it is in."""
+    if v["spectrum"]:
+        return (("One formula for all wavelengths may decide:", "--sample cauchy-urbach"),)
+    if not v["own"]:
+        return ()
+    rows = zip(v["parameters"], v["own"], v["values"], strict=True)
+    name, own, other = max(rows, key=lambda row: abs(row[1] - row[2]) / (1e-3 + abs(row[1])))
+    half = 0.4 * abs(other - own)
+    low = other - half if other < 0.0 else max(other - half, 0.0)
+    return (("To see the other:", f"--bound {name}={low:.4g}..{other + half:.4g}"),)
+
+
+_LEAK = ("The polarizer may leak:", "--free leak")
+_ANGLES = ("The angles may be off:", "--free angle_offset")
+_SCALE = ("The scale may be off:", "--free scale")
+
+
+def instrument_errors(v: Mapping[str, Any]) -> Tries:
+    """Return which error of the instrument may be the cause, by what was measured."""
+    if "NCS" in v["measured"]:
+        return (_ANGLES,)
+    polarized = {"R_s", "R_p", "T_s", "T_p"} & {*v["measured"]}
+    return (_LEAK if polarized else _SCALE,) if v["measured"] else ()
+
+
+def drifted(v: Mapping[str, Any]) -> Tries:
+    if not v["as_it_is"]:
+        return ()
+    if v["along"] == "angle":
+        return (_ANGLES,)
+    return (_SCALE,) if v["powers"] else ()
+
+
+def no_solid(values: Mapping[str, float]) -> str:
+    """Return that an index is hardly one, if it is: eta^2 - k^2 between 0 and 1.
+
+    In the visible clear solids have eta above 1.29, and metals k above eta.
+    """
+    eta, k = (values.get(name, float("nan")) for name in ("eta", "k"))
+    if not (eta < 0.99 and k < eta):
+        return ""
+    return f"no candidate in the visible, where no solid has an eta of {num(eta)} with so small a k"
+
+
 def not_seen(v: Mapping[str, Any]) -> str:
     if len(v["parameters"]) == 1:
         return f"{v['parameters'][0]} is not determined: the data do not change with it."
@@ -108,14 +160,16 @@ def other_minima(v: Mapping[str, Any]) -> str:
     values = ", ".join(f"{name} {num(x)}" for name, x in pairs)
     many = f"{v['count']} other solutions fit" if v["count"] > 1 else "a second solution fits"
     best = "; the best of them has " if v["count"] > 1 else ": "
+    doubt = no_solid(dict(zip(v["parameters"], v["values"], strict=True)))
     higher = f"chi2 {'higher' if v['delta_chi2'] >= 0.0 else 'lower'} by {abs(v['delta_chi2']):.2g}"
     ranges = "".join(
         f" Among all of them {name} ranges from {num(low)} to {num(high)}."
         for name, (low, high) in zip(v["thicknesses"], v["ranges"], strict=True) if v["count"] > 1
     )  # fmt: skip
     return (
-        f"{many} nearly as well{best}{values} ({higher}).{ranges} The data do not determine which "
-        "is the true one; the intervals are those of the solution that is shown."
+        f"{many} nearly as well{best}{values} ({higher}{f'; {doubt}' * bool(doubt)}).{ranges} The "
+        "data do not determine which is the true one; the intervals are those of the solution that "
+        "is shown."
     )
 
 

@@ -1,0 +1,170 @@
+"""What warnings say to try: each text is run, as an option of the command and as an argument."""
+
+import shlex
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fitting import Measurement, fit, read_csv
+from fitting.command import cli
+from fitting.residuals.error_model import UNLIKELY, beyond_chance
+from fitting.results.diagnostics import Warning
+from fitting.results.sentences import SENTENCES, TRY, keywords
+from tests.truth.simulated import simulated, textbook
+
+ANGLES = tuple(np.linspace(20.0, 80.0, 20))
+GLASS = simulated(1.5, 0.0, 1e-3, angles=ANGLES, seed=3)
+METAL = simulated(0.4, 2.6, 1e-3, angles=ANGLES, seed=3)
+FILM = "air | constant 60..400 nm | 3.9"
+
+
+def over_angle(angle, quantity="R", value=None, sigma=1e-3):
+    quantities = [quantity] if isinstance(quantity, str) else quantity
+    each = {q: textbook(np.array(angle), np.full(len(angle), q), 1.5, 0.0) for q in quantities}
+    each = each if value is None else {quantity: value}
+    return Measurement.from_columns(np.array(angle), 0.6, sigma=sigma, **each)
+
+
+def rising(quantity):
+    return over_angle(ANGLES, quantity, np.linspace(0.9, 0.1, 20), sigma=None)
+
+
+def ellipses():
+    wave = np.linspace(0.5, 0.7, 5)
+    return Measurement.from_columns(70.0, wave, psi=30.0 - 5.0 * wave, delta=120.0 + 40.0 * wave)
+
+
+def spectrum():
+    """Reflectance of glass along the normal, and at one more angle."""
+    angle, wave = (a.ravel() for a in np.meshgrid([30.0, 60.0], np.linspace(0.5, 0.7, 5)))
+    return Measurement.from_columns(angle, wave, R_s=textbook(angle, np.full(10, "R_s"), 1.5, 0.0))
+
+
+def p_at_two_angles():
+    """Reflectances that two indices explain."""
+    angles = np.array([60.0, 75.0])
+    return over_angle(angles, "R_p", textbook(angles, np.full(2, "R_p"), 1.8, 0.0))
+
+
+def off_by_five_degrees():
+    true = simulated(0.4, 2.6, 1e-4, angles=ANGLES, seed=3)
+    columns = {q: true.value[true.quantity == q] for q in ("R_s", "R_p")}
+    return Measurement.from_columns(np.array(ANGLES) - 5.0, 0.6, sigma=1e-4, **columns)
+
+
+def too_good():
+    true = simulated(1.5, 0.5, 1e-5, angles=ANGLES)
+    return replace(true, sigma=np.full(len(true), 1e-3))
+
+
+ONE, SEVERAL = {"sample": "constant"}, {"own": (), "spectrum": True}
+# What is fitted, and how; and where no small fit has the warning, what stands in its advice.
+CASES = [
+    ("not_converged", GLASS, ONE, {"more": 8}),
+    ("few_starts_agree", GLASS, ONE, {"more": 8}),
+    ("better_minimum_met", GLASS, ONE, {"more": 8}),
+    ("gain_instead", GLASS, {}, {"sample": "constant"}),
+    ("circle", over_angle([0.0]), {}, None),
+    ("same_at_45_degrees", over_angle([45.0], ("R_s", "R_p")), {}, None),
+    ("combination", GLASS, {}, {"eta": 1.5, "k": 0.0}),
+    ("one_value", GLASS, {}, {}),
+    ("thin_film", GLASS, {"sample": FILM}, {"thickness": "thickness_nm", "value": 90.0}),
+    (
+        "fringes_in_noise",
+        GLASS,
+        {"sample": FILM},
+        {"parameter": "thickness_nm", "without": 90.0},
+    ),
+    ("rising_index", spectrum(), {"sample": "cauchy:2"}, {"indices": ("eta",)}),
+    ("low_index", GLASS, ONE, {"first": ("eta",)}),
+    ("other_minima", p_at_two_angles(), {}, None),
+    ("other_minima", ellipses(), {}, SEVERAL),
+    ("does_not_describe", rising("R_s"), {}, None),
+    ("does_not_describe", rising("R"), {}, None),
+    ("does_not_describe", ellipses(), ONE, {"measured": ("NCS",)}),
+    ("residuals_in_order", rising("R_s"), {}, None),
+    (
+        "residuals_in_order",
+        spectrum(),
+        ONE,
+        {"along": "wavelength", "powers": True, "as_it_is": True},
+    ),
+    ("chi2_large", METAL, {}, {"errors": "scaled"}),
+    ("compatible_with_zero", GLASS, {}, None),
+    ("quadratic_misleads", GLASS, {}, {}),
+    ("prior_contradicted", GLASS, {**ONE, "priors": {"eta": (1.6, 1e-2)}}, None),
+    ("chi2_small", too_good(), {"errors": "stated"}, None),
+    ("implausible_offset", off_by_five_degrees(), {"free": "angle_offset"}, None),
+    ("pseudo_index", ellipses(), {}, None),
+    ("choice_within_errors", GLASS, ONE, {}),
+]
+
+
+# These share the programs of two samples of glass; the others are compiled by the study.
+SHARED = ("not_converged", "few_starts_agree", "better_minimum_met", "one_value", "low_index",
+          "chi2_large", "compatible_with_zero", "quadratic_misleads", "chi2_small",
+          "prior_contradicted", "choice_within_errors", "other_minima")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("code", "m", "how", "values"),
+    [
+        pytest.param(
+            *case, marks=[pytest.mark.study] * (case[0] not in SHARED or case[3] is SEVERAL)
+        )
+        for case in CASES
+    ],
+)
+def test_what_a_warning_says_to_try_can_be_run(code, m, how, values):
+    if values is None:
+        found = fit(m, **how)
+        told = [*found.warnings, *found.notes] if not found.shape else found.notes
+        warning = next(w for w in told if w.code == code)
+    else:
+        warning = Warning(code, {}, values)
+    tries = TRY[code](warning.values) if callable(TRY[code]) else TRY[code]
+    for why, option in tries:
+        assert f"ry {option} (in Python: {keywords(option)})." in warning.advice
+        assert why in warning.advice
+        asked = eval(f"dict({keywords(option)})")  # as it is copied into fit(...)
+        arguments = cli.parser().parse_args(["file.csv", *shlex.split(option)])
+        given = cli._fit_options(arguments) | {"sample": arguments.sample}
+        assert {n: v for n, v in given.items() if n in asked} == {
+            n: [v] if n == "free" else v for n, v in asked.items()
+        }
+        again = fit(m, **{k: v for k, v in how.items() if k not in asked and k != "free"}, **asked)
+        assert np.all(again.status != "refused")
+
+
+def test_every_advice_belongs_to_a_sentence_and_is_tested():
+    assert {*TRY} <= {*SENTENCES}
+    assert {code for code, *_ in CASES} | {"sigma_missing"} == {*TRY}
+
+
+def test_missing_errors_can_be_given_as_the_warning_says(tmp_path):
+    files = [tmp_path / "s.csv", tmp_path / "p.csv"]
+    files[0].write_text("angle_deg,R_s,sigma_R_s\n30,0.05,0.001\n50,0.1,0.001\n60,0.2,0.001\n")
+    files[1].write_text("angle_deg,R_p\n30,0.03\n50,0.005\n60,0.002\n")
+    (note,) = (n for n in fit([*map(read_csv, files)]).notes if n.code == "sigma_missing")
+    assert "--sigma 0.002 (in Python: sigma=0.002)" in note.text
+    given = fit([read_csv(file, sigma=0.002) for file in files])
+    assert "sigma_missing" not in [n.code for n in given.notes]
+    assert cli.main([*map(str, files), "--sigma", "0.002", "--quiet"]) in (0, 1)
+
+
+@pytest.mark.parametrize("dof", [1, 2, 5, 20])
+def test_few_right_fits_hear_that_their_errors_look_too_large(dof):
+    chi2 = np.random.default_rng(1).chisquare(dof, 100_000)
+    share = beyond_chance(chi2 / dof, dof)[1].mean()
+    assert share == pytest.approx(UNLIKELY, abs=4.0 * np.sqrt(UNLIKELY / 1e5))
+
+
+def test_an_index_that_no_solid_has_is_marked():
+    values = {"count": 1, "parameters": ("eta", "k"), "values": (0.64, 0.1), "delta_chi2": 0.1,
+              "thicknesses": (), "ranges": (), **SEVERAL}  # fmt: skip
+    assert "no candidate in the visible" in Warning("other_minima", {}, values).text
+    for eta, k in ((1.5, 0.0), (0.2, 3.1), (1.3, 0.01)):
+        assert (
+            "no candidate" not in Warning("other_minima", {}, {**values, "values": (eta, k)}).text
+        )
