@@ -12,17 +12,21 @@ from fitting.optics.spec import Spec
 from fitting.problem.lanes import (
     LANES,
     SIFT,
+    STAGE,
+    STAGES,
     Ends,
     Limits,
     coordinate_bounds,
-    each_within,
-    run,
+    joined,
     with_fixed,
 )
 from fitting.problem.observations import Observations
-from fitting.problem.programs import Targets
+from fitting.problem.programs import Bounds, Targets
+from fitting.problem.programs_in_parts import in_parts, solved_in_parts
 from fitting.problem.slopes import Shown, Slopes, loss_of, prior_rows, slopes_at
+from fitting.problem.solver import START_DAMPING
 from fitting.problem.unknowns import Unknowns, terms_of
+from fitting.process.compiled import fit_settings
 from fitting.process.progress import heard, tell
 from fitting.samples.dispersion import Model
 from fitting.samples.parameters import Settings, value_and_slope
@@ -120,15 +124,22 @@ class Problem:
         return targets
 
     def run(self, start: np.ndarray, noise: float, priors: bool = True) -> Ends:
-        """Return the ends of the starts at this noise, terms in order."""
-        targets = self.targets_at(noise, priors)
-        self.lanes, used = min(start.shape[1], LANES), 0
-        if start.shape[1] > LANES:
-            low, high = (a[:, None] for a in self.limits)
-            few = self.held(np.clip(start, low, high), noise, SIFT, targets=targets)
-            start, used = few.lowest(LANES), SIFT
-        size = max(self.dof, 1.0), self.squares / noise**2
-        ends = run(self.u.spec, targets, start, self.limits, *size)
+        """Return the ends of the starts at this noise, terms in order.
+
+        Of more than LANES starts the lowest after SIFT evaluations go on; then each goes on while
+        it is below the best finished one.
+        """
+        targets, y = self.targets_at(noise, priors), start
+        self.lanes, used = min(y.shape[1], LANES), 0
+        if y.shape[1] > LANES:
+            y, used = self.held(y, noise, SIFT, targets=targets).lowest(LANES), SIFT
+        ends, live = Ends.begun(y), np.arange(y.shape[1])
+        for _ in range(STAGES):
+            ends.put(live, self.held(ends.y[:, live], noise, STAGE, targets=targets))
+            best = np.min(ends.cost[ends.done], initial=np.inf)
+            live = np.flatnonzero(~ends.done & (ends.cost < best))
+            if not len(live):
+                break
         if noise == 1.0:
             self._report(ends)
         return ends._replace(y=self.in_order(ends.y), evaluations=ends.evaluations + used)
@@ -152,17 +163,31 @@ class Problem:
         self, start: np.ndarray, noise: float, steps: int, limits: Limits | None = None,
         targets: Targets | None = None,
     ) -> Ends:  # fmt: skip
-        """Return where starts (p, S) are after so many evaluations, in the program of `run`.
+        """Return where starts (p, S) are after so many evaluations.
 
         Terms stay in the order that they have. limits: bounds (p, S) of each start, if not those of
         all. targets: what is compared with other data than all.
         """
         own = targets is limits is None
+        spec, count = self.u.spec, start.shape[1]
         targets = (targets or self.targets)._replace(noise=np.float64(noise))
-        size = max(self.dof, 1.0), self.squares / noise**2
-        ends = each_within(
-            self.u.spec, targets, start, limits or self.limits, *size, steps, self.lanes
+        low, high = (
+            np.broadcast_to(a.reshape(len(a), -1), start.shape) for a in limits or self.limits
         )
+        size = max(self.dof, 1.0), self.squares / noise**2
+        bounds = Bounds(low, high, *(np.full(count, x) for x in size))
+        # A program of its own is compiled for one number of lanes, the last of which are repeated.
+        width, parts = count if in_parts(spec, targets) else self.lanes, []
+        for first in range(0, count, width):
+            pick = np.minimum(np.arange(first, first + width), count - 1)
+            own, damping = Bounds(*(a[..., pick] for a in bounds)), np.full(width, START_DAMPING)
+            y = np.clip(start[:, pick], own.lower, own.upper)
+            with fit_settings():
+                found = solved_in_parts(targets, y, damping, own, np.int64(steps), spec=spec)
+                y, cost, done, evaluations, _ = map(np.array, found)
+            tell()
+            parts.append(Ends(y, np.where(np.isfinite(cost), cost, np.inf), done, evaluations))
+        ends = Ends(*(a[..., :count] for a in joined(parts)))
         if own and noise == 1.0:
             self._report(ends)
         return ends
@@ -173,7 +198,7 @@ class Problem:
         row: which one, () or (S,).
         """
         limits = with_fixed(self.limits, start, row)
-        return self.held(np.clip(start, *limits), noise, steps, limits)
+        return self.held(start, noise, steps, limits)
 
     def slopes(self, y: np.ndarray) -> Slopes:
         """Return residuals and derivatives at y, of all data."""

@@ -8,14 +8,16 @@ are compiled again for every model, number of rows and number of lanes. Of the t
     step         normal equations (a small program of their own) -> the next place to try
 
 the second one is shared by all models, the third one by all models of about as many unknowns, which
-are filled up. All of them have one shape, for all numbers of rows and of lanes; see `row_blocks`.
+are filled up. All of them have one shape, for all numbers of rows and of lanes: rows are cut into
+blocks, which fill the columns of a call, and only lanes that have not converged are evaluated (of
+64 side by side three in five had).
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -42,17 +44,75 @@ from fitting.problem.programs import (
     solve,
     weighted,
 )
-from fitting.problem.row_blocks import ROWS, SLOTS, Blocks, blocks_of
 from fitting.problem.solver import FEW_UNKNOWNS, BatchState, packed
-from fitting.process.compiled import compiled, fit_settings, in_turn
-from fitting.process.side_by_side import shares, side_by_side
+from fitting.process.compiled import compiled, in_turn
 
+# A call evaluates blocks of so many rows, one in each of so many columns. With 8192 points in a
+# call, not 2048, each takes a tenth longer, and more are evaluated for nothing if lanes are few. A
+# search of films that fit in one block has 9 to 19 lanes at work on average: with half the columns
+# it takes two thirds to four fifths of the time.
+ROWS, COLUMNS, FEW_COLUMNS = 64, 32, 16
+# Number of lanes side by side: a step of 16 unknowns takes .4 ms for 32 lanes, .9 ms for 64.
+SLOTS = 32
 # Unknowns are filled up to one of these numbers, and from the last one on to a multiple of 4.
 _SIZES = (8, 16)
 # Of more rows at several angles a search takes a part.
 _FEW_ROWS = 256
-# Threads wait for each other's Python code, a fifth of the time.
-_MOST_PIECES = 4
+
+
+class Blocks(NamedTuple):
+    """Blocks of rows as columns of a call, repeated for as many lanes as there is room for.
+
+    first, count: which blocks. points, eta_i, data: there, on the device. known: of the media that
+    do not move.
+    """
+
+    first: int
+    count: int
+    points: Points
+    eta_i: Any
+    data: Targets
+    known: tuple[Array, ...] = ()
+
+    @property
+    def columns(self) -> int:
+        """The number of columns of a call."""
+        return self.points.angle_deg.shape[1]
+
+    def calls(self, active: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield the slots of one call after the other, and the slot of each column; SLOTS: none."""
+        room = self.columns // self.count
+        for start in range(0, len(active), room):
+            some = active[start : start + room]
+            slot = np.full(self.columns, SLOTS)
+            slot[: len(some) * self.count] = np.repeat(some, self.count)
+            yield some, slot
+
+
+def blocks_of(targets: Targets) -> list[Blocks]:
+    """Return all rows; of more blocks than columns in several parts."""
+    total, out = len(targets.points.angle_deg) // ROWS, []
+    columns = COLUMNS if total > 1 else FEW_COLUMNS
+    for first in range(0, total, columns):
+        count = min(total - first, columns)
+        pick = first + np.arange(columns) % count
+
+        def cut(a: Any, pick: np.ndarray = pick) -> np.ndarray:
+            """Return (..., M, 1) as (..., ROWS, columns)."""
+            by_block = np.asarray(a).reshape(*np.shape(a)[:-2], total, ROWS)
+            return np.ascontiguousarray(np.swapaxes(by_block[..., pick, :], -1, -2))
+
+        angle, wavelength, share = map(cut, targets.points[:3])
+        points = Points(angle, wavelength, share, np.zeros(1, int))
+        eta_i = cut(targets.eta_i) if np.ndim(targets.eta_i) else targets.eta_i
+        ncs, weights = (cut(a) if np.size(a) else () for a in (targets.ncs, targets.ncs_weights))
+        data = targets._replace(
+            points=None, held=None, eta_i=None, prior=None, prior_weight=None,
+            values=tuple(map(cut, targets.values)), weights=tuple(map(cut, targets.weights)),
+            ncs=ncs, ncs_weights=weights,
+        )  # fmt: skip
+        out.append(Blocks(first, count, *jax.device_put((points, eta_i, data))))
+    return out
 
 
 def _flat(points: Points, eta_i: Any) -> tuple[Points, Any]:
@@ -211,38 +271,12 @@ class Parts:
 def solved_in_parts(
     targets: Targets, start: Any, damping: Any, bounds: Bounds, max_steps: Any, *, spec: Spec
 ) -> tuple[Any, ...]:
-    """Return the result of `problem.solve`.
-
-    Where processors are free, the lanes are shared out among them. One thread takes 1.3 of them,
-    since XLA has its own, and a fit of a film by two then takes four fifths of the time.
-    """
+    """Return the result of `programs.solve`; the next lane takes the place of a finished one."""
     if not in_parts(spec, targets):
         if isinstance(spec, Spec):
             spec = spec_at(spec, targets.points.angle_deg)
         return solve(targets, start, damping, bounds, max_steps, spec=spec)
-    parts, pieces = Parts(spec, targets), _pieces(start.shape[1])
-
-    def piece(pick: np.ndarray) -> tuple[np.ndarray, ...]:
-        own = Bounds(*(np.asarray(a)[..., pick] for a in bounds))
-        with fit_settings():
-            return _solved(parts, start[:, pick], damping[pick], own, max_steps)
-
-    found = side_by_side(piece, pieces)
-    back = np.argsort(np.concatenate(pieces))
-    return tuple(np.concatenate(a, -1)[..., back] for a in zip(*found, strict=True))
-
-
-def _pieces(lanes: int) -> list[np.ndarray]:
-    """Return which lanes run in which thread: none has fewer than there are slots."""
-    on_processors = jax.default_backend() == "cpu"
-    count = max(min(shares(), lanes // SLOTS, _MOST_PIECES), 1) if on_processors else 1
-    return [np.arange(lanes)[i::count] for i in range(count)]
-
-
-def _solved(
-    parts: Parts, start: np.ndarray, damping: np.ndarray, bounds: Bounds, max_steps: Any
-) -> tuple[np.ndarray, ...]:
-    """Return the result of `problem.solve`; the next lane takes the place of a finished one."""
+    parts = Parts(spec, targets)
     p, lanes = start.shape
     start, low, high = map(filled, (start, bounds.lower, bounds.upper))
     given = Bounds(low, high, bounds.degrees, bounds.scale)

@@ -1,4 +1,4 @@
-"""What a model shows at given unknowns, the residuals, and the derivatives of both; its index."""
+"""What a model shows at given unknowns, the residuals, and the derivatives of both."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 from fitting.optics.spec import NCS, Spec
 from fitting.problem.observations import Observations
 from fitting.problem.programs import HUBER, Targets, linearised, robust, without_data
-from fitting.problem.programs_in_parts import Parts, filled, in_parts
-from fitting.problem.row_blocks import ROWS, SLOTS, Blocks
+from fitting.problem.programs_in_parts import ROWS, SLOTS, Blocks, Parts, filled, in_parts
 from fitting.problem.unknowns import Unknowns
 from fitting.process.compiled import fit_settings
 from fitting.samples.parameters import value_and_slope
@@ -53,31 +52,6 @@ def _of_blocks(parts: Parts, blocks: Blocks, y: np.ndarray) -> tuple[np.ndarray,
     return value, slope
 
 
-def index_in_parts(parts: Parts, y: np.ndarray, medium: int) -> np.ndarray:
-    """Return eta and k of a medium, (2, M, L), at y (p, L), by the solver's programs."""
-    count = y.shape[1]
-    found = np.empty((2, ROWS * sum(blocks.count for blocks in parts.blocks), count))
-    if medium not in parts.core.indices:
-        known = [i for i in range(len(parts.spec.media.index)) if i not in parts.core.indices]
-        at = 2 * known.index(medium)
-        for blocks in parts.blocks:
-            for part, x in zip(found, blocks.known[at : at + 2], strict=True):
-                of_rows = np.asarray(x).reshape(ROWS, blocks.columns)[:, : blocks.count]
-                part[blocks.rows] = of_rows.T.reshape(-1, 1)
-        return found
-    at = 2 * parts.core.indices.index(medium)
-    for begin in range(0, count, SLOTS):
-        some = filled(y[:, np.minimum(np.arange(begin, begin + SLOTS), count - 1)])
-        for blocks in parts.blocks:
-            for slots, slot in blocks.calls(np.arange(min(SLOTS, count - begin))):
-                moving, _ = parts.quantities(some, slot, blocks)
-                for part, x in zip(found, map(np.asarray, moving[at : at + 2]), strict=True):
-                    x = x.reshape(ROWS, blocks.columns)[:, slot < SLOTS]
-                    by_lane = x.reshape(ROWS, len(slots), blocks.count).transpose(2, 0, 1)
-                    part[blocks.rows, begin + slots] = by_lane.reshape(-1, len(slots))
-    return found
-
-
 class Slopes(NamedTuple):
     """The model and the residuals at y, row by row, with their derivatives.
 
@@ -97,31 +71,21 @@ class Slopes(NamedTuple):
 def slopes_at(seen: Observations, shown: Shown, y: np.ndarray) -> Slopes:
     """Return residuals and derivatives with respect to the solver's coordinates y (p,)."""
     value, slope = shown(y)
-    residual, jacobian, row, plain, kind = [], [], [], [], []
-    alone = [c for c in seen.channels if c != NCS]
-    for i, (channel, v, w) in enumerate(zip(alone, seen.values, seen.weights, strict=True)):
-        rows = np.flatnonzero(w[:, 0] > 0.0)
-        off = value[i, rows] - v[rows, 0]
-        residual.append(off * w[rows, 0])
-        jacobian.append(slope[i, rows] * w[rows])
-        row.append(rows)
-        plain.append(off)
-        kind += [channel] * len(rows)
+    alone = len(seen.values)
+    measured, W = np.zeros_like(value), np.zeros((len(value), *value.shape))
+    for i, (v, w) in enumerate(zip(seen.values, seen.weights, strict=True)):
+        measured[i], W[i, i] = v[:, 0], w[:, 0]
     if NCS in seen.channels:
-        at = len(alone)
-        weights = seen.ncs_weights[..., 0]
-        rows = np.flatnonzero(np.abs(weights).sum((0, 1)) > 0.0)
-        off = value[at : at + 3, rows] - seen.ncs[:, rows, 0]
-        for i in range(3):
-            residual.append((weights[i][:, rows] * off).sum(0))
-            jacobian.append(np.einsum("jm,jmp->mp", weights[i][:, rows], slope[at:, rows]))
-            row.append(rows)
-            # Of psi without Delta only cos 2psi was measured.
-            known = np.abs(weights[:, i, rows]).sum(0) > 0.0
-            plain.append(off[i, known])
-            kind += [NCS] * int(known.sum())
-    r, J, at_row, off = (np.concatenate(a) for a in (residual, jacobian, row, plain))
-    return Slopes(value, r, J, at_row, off, np.array(kind))
+        measured[alone:], W[alone:, alone:] = seen.ncs[..., 0], seen.ncs_weights[..., 0]
+    off, weighted = value - measured, np.abs(W) > 0.0
+    # Of psi without Delta only cos 2psi was measured; its residuals are three all the same.
+    known, used = weighted.any(0), weighted.any(1)
+    used[alone:] = used[alone:].any(0)
+    kind = np.array([c for c in seen.channels for _ in range(3 if c == NCS else 1)])
+    return Slopes(
+        value, np.einsum("jkm,km->jm", W, off)[used], np.einsum("jkm,kmp->jmp", W, slope)[used],
+        np.nonzero(used)[1], off[known], kind[np.nonzero(known)[0]],
+    )  # fmt: skip
 
 
 def prior_rows(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

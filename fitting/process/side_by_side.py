@@ -7,7 +7,6 @@ share little of the work.
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -28,32 +27,11 @@ def _processors() -> int:
 
 
 PROCESSORS = _processors()  # asking again and again takes as long as a small fit
-_counting = threading.Lock()
-_under_way = 0
 
 
 def side_by_side(one: Callable[[Any], Any], each: Sequence[Any]) -> list[Any]:
     """Return what ``one`` returns for each, in threads; for a single one in this thread."""
     if len(each) < 2:
         return [one(x) for x in each]
-
-    def counted(x: Any) -> Any:
-        _count(1)
-        try:
-            return one(x)
-        finally:
-            _count(-1)
-
     with ThreadPoolExecutor(min(len(each), PROCESSORS)) as pool:
-        return list(pool.map(counted, each))
-
-
-def shares() -> int:
-    """Return into how many pieces work may be cut, so that each has a processor."""
-    return max(PROCESSORS // max(_under_way, 1), 1)
-
-
-def _count(more: int) -> None:
-    global _under_way
-    with _counting:
-        _under_way += more
+        return list(pool.map(one, each))

@@ -20,7 +20,6 @@ from fitting.problem.lanes import LANES
 from fitting.problem.observations import Observations
 from fitting.problem.problem import Problem
 from fitting.problem.programs import Targets
-from fitting.problem.slopes import index_in_parts
 from fitting.process.compiled import compiled, fit_settings
 from fitting.samples.parameters import Unknown, from_parameter, start_range, value_and_slope
 from fitting.searching.fringes import likely_thicknesses, phase_rate
@@ -93,17 +92,17 @@ def _curves(seen: Observations) -> tuple[np.ndarray, np.ndarray]:
 
 def film_index(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
     """Return eta and k of a film in every lane of y (p, L), (2, M, L)."""
-    spec, medium = fit.u.spec, film.medium
+    wavelength, count = fit.seen.points.wavelength_um, y.shape[1]
+    whole = np.pad(y, ((0, 0), (0, -count % LANES)), "edge")  # one program for all numbers of lanes
+    out = np.empty((2, len(wavelength), whole.shape[1]))
     with fit_settings():
-        if fit.shown.parts is not None:
-            return index_in_parts(fit.shown.parts, y, medium)
-        whole = np.pad(y, ((0, 0), (0, -y.shape[1] % LANES)), "edge")  # one program for all
-        wavelength = fit.seen.points.wavelength_um
-        found = _index_of(
-            whole, fit.u.held, wavelength, fit.targets.eta_i, spec=spec, medium=medium
-        )
-        shape = (len(wavelength), whole.shape[1])
-        return np.array([np.broadcast_to(x, shape)[:, : y.shape[1]] for x in found])
+        for first in range(0, whole.shape[1], LANES):
+            some = slice(first, first + LANES)
+            out[0, :, some], out[1, :, some] = _index_of(
+                whole[:, some], fit.u.held, wavelength, fit.targets.eta_i,
+                spec=fit.u.spec, medium=film.medium,
+            )  # fmt: skip
+    return out[..., :count]
 
 
 def phase_rates(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
