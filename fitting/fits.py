@@ -207,7 +207,8 @@ def fit(
             sqrt(chi2 / dof). "floor": one common error is added to them in squares. "relative": an
             error in proportion to each fitted R or T is. "equal": not at all, all data have equal
             weights. "auto": scaled, or where they are far too small the likeliest of scaled, floor
-            and relative.
+            and relative; without stated errors each of R_s, R_p, R, T, ... has the scatter of its
+            own where these differ.
         intervals: how 95 % intervals are found: "quadratic" (from the standard errors), "profile"
             (profile likelihood), or "auto": profile likelihood where the quadratic approximation
             fails.

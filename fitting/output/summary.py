@@ -25,6 +25,7 @@ from fitting.output.numbers import (
     with_error,
 )
 from fitting.process.visible import visible
+from fitting.residuals.error_model import OF_EACH
 from fitting.results.diagnostics import Finding
 from fitting.results.result import FitData
 from fitting.results.result_parts import UNDETERMINED, Alternative, Comparison, Estimate
@@ -153,6 +154,7 @@ def _errors(fit: FitData) -> str:
         "floor": f"{stated} and a common error of the data ({floor}), added in squares",
         "relative": f"{stated} and a relative error of the data ({share}), added in squares",
         "equal": "the scatter of the data about the fit (equal weights)",
+        OF_EACH: "the scatter of each quantity about the fit",
     }
     if not fit.errors.stated:
         made["scaled"] = made["equal"]

@@ -25,6 +25,8 @@ import numpy as np
 from scipy.special import chdtr
 
 ADDED = FLOOR, RELATIVE = "floor", "relative"
+# Without stated errors: each quantity has the scatter of its own residuals.
+OF_EACH = "of each quantity"
 # What may be believed of stated errors; see `fitting.fit`.
 ERRORS = ("auto", "stated", "scaled", *ADDED, "equal")
 # Those of them that need a stated error of every datum.

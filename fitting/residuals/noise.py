@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import fdtrc, fdtri
 
+from fitting.data.measurement import Measurement
 from fitting.data.scatter import differences
 
 # For white noise the mean square of differences of three neighbours scatters like a mean of this
@@ -32,6 +33,7 @@ INDEPENDENT = 18.0 / 35.0
 # A good fit is called a misfit by chance in less than one curve of a thousand, and never below
 # twice the noise.
 _CHANCE, _LEAST_RATIO = 1e-3, 2.0
+_LEAST_TRIPLES = 6  # less are too few for a test
 # A residual below this part of the largest value is rounding, or the tolerance of the solver.
 ROUNDING = 1e-7
 # Digits after the decimal point that are counted.
@@ -103,11 +105,44 @@ def misfit(position: np.ndarray, value: np.ndarray, residual: np.ndarray) -> Mis
         rms = np.sqrt(np.nansum(residual**2, axis=1) / count)
         freedom = INDEPENDENT * np.maximum(noise.triples, 1)
         ratio = np.sqrt(fdtri(np.maximum(count, 1), freedom, 1.0 - _CHANCE))
-        ratio = np.where(noise.triples >= 6, ratio, np.inf)  # less are too few for a test
+        ratio = np.where(noise.triples >= _LEAST_TRIPLES, ratio, np.inf)
         least = ROUNDING * np.nanmax(np.abs(np.atleast_2d(value)), axis=1, initial=0.0)
         sigma = np.maximum(noise.sigma, least)
         found = rms > np.maximum(ratio, _LEAST_RATIO) * sigma
     return Misfit(rms, noise.sigma, found)
+
+
+# Scatters of n residuals differ beyond chance by a factor of more than 1 + _DIFFER / sqrt(n): the
+# ratio of two estimates of white noise is known to 1.4 / sqrt(n).
+_DIFFER = 6.0
+
+
+def scatter_of_each(m: Measurement, curve: np.ndarray, residual: np.ndarray) -> np.ndarray | None:
+    """Return the noise of the curve of each datum, (N,); None if all curves may have the same one.
+
+    curve: (N,), the number of the quantity of a file. residual: (N,). The noise is that of
+    neighbours along the wavelength, or along the angle: what the fit misses smoothly is not in it,
+    so that it does not depend on which minimum was found.
+    """
+    if not curve.any():
+        return None
+    spectral = len(np.unique(m.wavelength_um)) > 1
+    axis, other = (m.wavelength_um, m.angle_deg)[:: 1 if spectral else -1]
+    other = np.nan_to_num(other)
+    noise, least, count = np.empty((3, curve.max() + 1))
+    for c in range(len(noise)):
+        here = np.flatnonzero(curve == c)
+        lines = [here[other[here] == at] for at in np.unique(other[here])]
+        each = [neighbour_noise(axis[rows], residual[rows]) for rows in lines]
+        square, size = np.transpose([(s[0] ** 2, n[0]) for s, n in each])
+        if (total := size.sum()) < _LEAST_TRIPLES:
+            return None
+        count[c], least[c] = total, rounding(m.value[here][None])[0]
+        noise[c] = np.sqrt(np.nansum(square * size) / total)
+    seen = noise > least
+    noise = np.maximum(noise, least)
+    differ = noise.max() > noise.min() * (1.0 + _DIFFER / np.sqrt(count.min()))
+    return noise[curve] if differ and seen[noise.argmax()] else None
 
 
 # The degree of the smooth functions: Chebyshev polynomials of the position, of each curve its own.

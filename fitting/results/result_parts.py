@@ -98,8 +98,9 @@ class ErrorModel(NamedTuple):
 
     taken: "stated" (as they are), "scaled" (stated errors times one factor; without stated errors
     the scatter), "floor" (stated errors and one common error, added in squares), "relative" (the
-    same with an error in proportion to each R or T), or "equal" (the scatter about the fit; stated
-    errors are not used). In a batch an array of shape S.
+    same with an error in proportion to each R or T), "of each quantity" (without stated errors, the
+    scatter of each R and T about the fit), or "equal" (that of all data; stated errors are not
+    used). In a batch an array of shape S.
     factor: the factor on the standard errors of the parameters; 1 if "stated".
     added: the common error of "floor", in units of R, T and N, C, S; that of "relative" as a part
     of each fitted R or T; else 0. stated: whether every datum had an error. widened: the part of

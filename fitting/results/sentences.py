@@ -124,6 +124,14 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         "stated errors (log likelihood higher by {gain:.3g}), and is used."
     ),
     "errors_differ": wording.errors_differ,
+    "errors_of_each": lambda v: (
+        "no errors are stated, and the scatter differs between the quantities, so that each is "
+        "weighted by its own (from neighbouring residuals): "
+        + wording.listed(
+            f"{wording.num(s)} of {name}" for name, s in zip(v["curves"], v["noise"], strict=True)
+        )
+        + '. Ask for errors "equal" to weight all data alike.'
+    ),
     "flat_curve": (
         "all data are one kind of reflectance below {below_deg:.0f} degrees, where the curve is "
         "nearly flat: eta and k follow from its small slope, and a small systematic error changes "

@@ -1,7 +1,7 @@
 """Fits that contradict their stated errors: repeated with a further error where that is likelier.
 
 One loop serves a single fit, whose data share the further error, and the curves of a batch, each of
-which has its own.
+which has its own. Without stated errors a fit is repeated with the scatter of each quantity.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from fitting.data.quantities import are_powers
 from fitting.residuals.error_model import (
     ADDED,
     GAIN,
+    OF_EACH,
     ROUNDS,
     SETTLED,
     added_kinds,
@@ -26,6 +27,7 @@ from fitting.residuals.error_model import (
     sizes,
     worth_a_fit,
 )
+from fitting.residuals.noise import scatter_of_each
 from fitting.residuals.residuals import arcs, weighted_residuals
 from fitting.results.diagnostics import Finding, ranked, those
 from fitting.results.result import FitData
@@ -96,6 +98,43 @@ def further_errors(
     return taken
 
 
+def _weighed(several: Sequence[Measurement], sigma: np.ndarray) -> list[Measurement]:
+    """Return the measurements with other errors, (N,) of all of them joined."""
+    ends = np.cumsum([len(m) for m in several])[:-1]
+    return [replace(m, sigma=s) for m, s in zip(several, np.split(sigma, ends), strict=True)]
+
+
+def _with_own_scatter(
+    run: Run, several: Sequence[Measurement], found: FitData, intervals: str
+) -> FitData:
+    """Return the fit in which each R and T without stated errors has the scatter of its own.
+
+    With one scatter for both a noisy T hides what a quiet R says. Information criteria stay those
+    of equal weights, by which models are compared.
+    """
+    joined = concatenate(*several)
+    if found.curve is None or not are_powers(joined.quantity).all():
+        return found
+    if 2 * np.sum(found.dof) < len(joined):  # residuals are far smaller than the noise
+        return found
+    sigma = scatter_of_each(joined, found.curve, joined.value - found.fitted)
+    if sigma is None:
+        return found
+    best = run(_weighed(several, sigma), intervals)
+    own = {c: s for c, s in zip(found.curve.tolist(), sigma.tolist(), strict=True)}
+    values = {"curves": found.curve_names, "noise": [own[c] for c in range(len(own))]}
+    none, every = np.full(best.shape, np.nan)[()], np.ones(best.shape, bool)[()]
+    # The errors are not stated ones: nothing is said of how far the residuals are from them.
+    left = [f for f in best.findings if f.code not in ("chi2_large", "chi2_small")]
+    errors = best.errors._replace(
+        taken=np.full(best.shape, OF_EACH)[()] if best.shape else OF_EACH, stated=False
+    )
+    return replace(
+        best, measurement=joined, chi2=none, chi2_reduced=none, errors=errors, bic=found.bic,
+        aicc=found.aicc, findings=ranked([*left, Finding("errors_of_each", every, values)]),
+    )  # fmt: skip
+
+
 def with_added_error(
     run: Run, several: Sequence[Measurement], found: FitData, errors: str, intervals: str
 ) -> FitData:
@@ -105,15 +144,14 @@ def with_added_error(
     times one factor.
     """
     dof = int(np.sum(found.dof))
-    if not added_kinds(errors) or not found.errors.stated or found.loss != "squares" or not dof:
+    if not added_kinds(errors) or found.loss != "squares" or not dof:
         return found
+    if not found.errors.stated:
+        return _with_own_scatter(run, several, found, intervals) if errors == "auto" else found
     far, _ = beyond_chance(float(np.nansum(found.chi2)) / dof, dof)  # of all data together
     if errors == "auto" and not far:
         return found
-    joined, ends = concatenate(*several), np.cumsum([len(m) for m in several])[:-1]
-
-    def weighed(sigma: np.ndarray) -> list[Measurement]:
-        return [replace(m, sigma=s) for m, s in zip(several, np.split(sigma, ends), strict=True)]
+    joined = concatenate(*several)
 
     def compared(_: np.ndarray, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         off = weighted_residuals(joined, model[0], stated=False)
@@ -122,11 +160,11 @@ def with_added_error(
     taken = further_errors(
         errors, joined.sigma[None], found.fitted[None], np.ones(1, bool),
         are_powers(joined.quantity), compared,
-        lambda sigma, _: run(weighed(sigma[0]), QUADRATIC).fitted[None],
+        lambda sigma, _: run(_weighed(several, sigma[0]), QUADRATIC).fitted[None],
     )  # fmt: skip
     if not taken.kind[0]:
         return found
-    best = run(weighed(taken.sigma[0]), intervals)
+    best = run(_weighed(several, taken.sigma[0]), intervals)
     square = weighted_residuals(joined, best.fitted) ** 2
     which = np.unique(joined.wavelength_um, return_inverse=True)[1]
     chi2 = np.bincount(which, square, best.shape[0]) if best.shape else float(square.sum())
