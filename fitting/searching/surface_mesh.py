@@ -10,12 +10,14 @@ segments that miss less than their neighbours.
 
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fitting.data.quantities import REFLECTED
 from fitting.problem.curve_lanes import Curves
+from fitting.process.side_by_side import side_by_side
 from fitting.samples.parameters import from_parameter
 from fitting.searching.batch_search import BatchSearch
 from fitting.searching.starts import starts
@@ -80,8 +82,9 @@ MESHES = {
 
 
 class _Sums(NamedTuple):
-    """Of N curves over G angles: sums of w^2 s v, w^2 p v and of w^2 s s, s p, p p, where a datum
-    is v = s R_s + p R_p with an error 1 / w; of v v over all."""
+    """Of N curves over G angles, (G, N): sums of w^2 s v and w^2 p v, and of w^2 s s, s p and p p,
+    (G, 1) where all curves have the same; a datum is v = s R_s + p R_p with an error 1 / w.
+    square: the sum of w^2 v v, (1, N)."""
 
     s: np.ndarray
     p: np.ndarray
@@ -90,34 +93,32 @@ class _Sums(NamedTuple):
     pp: np.ndarray
     square: np.ndarray
 
+    def at(self, lanes: np.ndarray) -> _Sums:
+        """Return those of some curves."""
+        return _Sums(*(a[:, lanes] if a.shape[1] > 1 else a for a in self))
 
-def _sums(curves: Curves, grid: np.ndarray) -> _Sums:
-    """Return the sums over the angles ``grid``: those of the rows, or `_GRID`."""
-    points, count = curves.base.points, curves.count
-    angle, share = (curves.own.get(n, getattr(points, n)) for n in ("angle_deg", "s_share"))
-    square, totals = np.zeros(count), np.zeros((5, count, len(grid)))
-    each = np.arange(count)[:, None]
-    for q, v in curves.values.items():
-        rows = curves.seen.row[curves.seen.quantity == q]
-        sigma = 1.0 if curves.sigma is None else curves.sigma[q]
-        w, v = np.where(np.isfinite(v), np.power(sigma, -2.0), 0.0), np.nan_to_num(v)
-        s = {"R_s": 1.0, "R_p": 0.0}.get(q, share[rows].T)
-        p, wv = 1.0 - s, w * v
-        square += (wv * v).sum(1)
-        place = angle[rows].T * (len(grid) - 1) / 90.0
-        below = np.minimum(place.astype(int), len(grid) - 2)
+
+def _sums(curves: Curves, pick: np.ndarray, grid: np.ndarray) -> _Sums:
+    """Return the sums of the curves ``pick`` over angles ``grid``: those of rows, or `_GRID`."""
+    targets, each = curves.targets(pick), np.arange(len(pick))
+    square, totals = np.zeros((1, len(pick))), np.zeros((5, len(grid), len(pick)))
+    for q, v, w in zip(curves.seen.channels, targets.values, targets.weights, strict=True):
+        w = w * w
+        wv, s = w * v, {"R_s": 1.0, "R_p": 0.0}.get(q, targets.points.s_share)
+        p = 1.0 - s
+        square += (wv * v).sum(0)
         for total, factor, of in zip(
             totals, (s, p, s * s, s * p, p * p), (wv, wv, w, w, w), strict=True
         ):
-            if not np.any(factor):
-                continue
-            if grid is not _GRID:
-                total[:, rows] += of * factor
-            else:
-                np.add.at(total, (each, below), of * factor * (1.0 - place + below))
-                np.add.at(total, (each, below + 1), of * factor * (place - below))
-    ss, sp, pp = (t[:1] if (t == t[:1]).all() else t for t in totals[2:])
-    return _Sums(totals[0], totals[1], ss, sp, pp, square)
+            if np.any(factor) and grid is not _GRID:
+                total += of * factor
+            elif np.any(factor):
+                place = targets.points.angle_deg * (len(grid) - 1) / 90.0
+                below = np.minimum(place.astype(int), len(grid) - 2)
+                np.add.at(total, (below, each), of * factor * (1.0 - place + below))
+                np.add.at(total, (below + 1, each), of * factor * (place - below))
+    squares = (t[:, :1] if (t == t[:, :1]).all() else t for t in totals[2:])
+    return _Sums(totals[0], totals[1], *squares, square)
 
 
 def _reflectances(index: np.ndarray, angle_deg: np.ndarray) -> np.ndarray:
@@ -128,54 +129,48 @@ def _reflectances(index: np.ndarray, angle_deg: np.ndarray) -> np.ndarray:
 
 
 def _along_segments(nodes: np.ndarray, sums: _Sums) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least misfit on each segment (..., rows - 1, columns, lanes), and where on it.
+    """Return the least misfit on each segment (N / l, rows - 1, columns, l), and where on it.
 
     nodes: (2, rows, columns, G), R_s and R_p. The best place, 0 to 1, is that of a straight line:
-    t = sum w^2 d (v - g) / sum w^2 d^2 with d the change of g from end to end.
+    t = sum w^2 d (v - g) / sum w^2 d^2 with d the change of g from end to end. l: lanes of a call.
     """
 
-    def over_data(*parts: tuple[Any, np.ndarray]) -> Any:
+    def as_lanes(a: np.ndarray) -> np.ndarray:
+        return a.reshape(len(a), -1, min(a.shape[1], _LANES)).swapaxes(0, 1)
+
+    def over_data(*parts: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
         # Small products: of large ones each has BLAS wait for its threads, ten times as long.
-        of = _as_lanes(sums.square[:, None])
-        nothing = np.zeros((len(of), *parts[0][0].shape[:-1], of.shape[-1]))
-        return sum((np.matmul(a, _as_lanes(w)) for a, w in parts if w.any()), nothing)
+        some = [part for part in parts if part[1].any()] or parts[:1]
+        total: Any = sum(np.matmul(a.reshape(-1, len(w)), as_lanes(w)) for a, w in some)
+        return total.reshape(len(total), -1, nodes.shape[2], total.shape[-1])
 
     def squares(s: np.ndarray, p: np.ndarray) -> np.ndarray:
         return over_data((s * s, sums.ss), (2.0 * s * p, sums.sp), (p * p, sums.pp))
 
     linear = over_data(*zip(nodes, sums[:2], strict=True))
     plain, length = squares(*nodes), squares(*np.diff(nodes, axis=1))
-    low = plain[..., :-1, :, :]
-    slope = np.diff(linear, axis=-3) - 0.5 * (np.diff(plain, axis=-3) - length)
-    t = np.clip(slope / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
-    gain = 2.0 * linear[..., :-1, :, :] + t * (2.0 * slope - t * length)
-    return _as_lanes(sums.square[:, None]) + low - gain, t
-
-
-def _as_lanes(a: np.ndarray) -> np.ndarray:
-    """Return (N, G) as (N / lanes, 1, G, lanes)."""
-    lanes = min(len(a), _LANES)
-    return a.reshape(-1, 1, lanes, a.shape[1]).swapaxes(2, 3)
+    slope = np.diff(linear, axis=1) - 0.5 * (np.diff(plain, axis=1) - length)
+    t = np.minimum(np.maximum(slope / np.where(length > 0.0, length, 1.0), 0.0), 1.0)
+    gain = 2.0 * linear[:, :-1] + t * (2.0 * slope - t * length)
+    return as_lanes(sums.square)[:, None] + plain[:, :-1] - gain, t
 
 
 def _among_neighbours(misfit: np.ndarray) -> np.ndarray:
     """Return the least value of each segment and its neighbours in (..., rows, columns, lanes)."""
     for axis in (-3, -2):
-        a, out = np.moveaxis(misfit, axis, 0), np.moveaxis(misfit, axis, 0).copy()
+        a, misfit = np.moveaxis(misfit, axis, 0), misfit.copy()
+        out = np.moveaxis(misfit, axis, 0)
         np.minimum(out[1:], a[:-1], out=out[1:])
         np.minimum(out[:-1], a[1:], out=out[:-1])
-        misfit = np.moveaxis(out, 0, axis)
     return misfit
 
 
 def _kinds(sums: _Sums, angle_deg: np.ndarray, denser: np.ndarray) -> np.ndarray:
     """Return the mesh that each curve needs, (N,): by what its angles leave open."""
-    some = sums.ss + sums.pp > 0.0
-    count = some.sum(1)
-    lowest = np.where(some, angle_deg, 90.0).min(1)
-    highest = np.where(some, angle_deg, 0.0).max(1)
-    few = count <= _FEW
-    p_alone = (sums.ss <= (_NEARLY_P / (1.0 - _NEARLY_P)) ** 2 * sums.pp).all(1)
+    some, angle = sums.ss + sums.pp > 0.0, angle_deg[:, None]
+    few = some.sum(0) <= _FEW
+    lowest, highest = np.where(some, angle, 90.0).min(0), np.where(some, angle, 0.0).max(0)
+    p_alone = (sums.ss <= (_NEARLY_P / (1.0 - _NEARLY_P)) ** 2 * sums.pp).all(0)
     is_open = p_alone & (few | (lowest >= _OPEN_ABOVE) | denser)
     return np.where(is_open, "open", np.where(few | (highest < _NARROW), "fine", "coarse"))
 
@@ -185,7 +180,7 @@ def _low_places(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the places (L,) on segments that miss less than their neighbours, and their curves."""
     parts = [_along_segments(nodes, sums) for nodes in tables]
-    best = np.min([misfit.min((-3, -2)) for misfit, _ in parts], 0)
+    best = np.min([misfit.min((1, 2)) for misfit, _ in parts], 0)
     bound = np.maximum(4.0 * best, mesh.share * sums.square.reshape(best.shape))[:, None, None]
     index, curve, miss = [], [], []
     for block, (misfit, t) in zip(mesh.blocks, parts, strict=True):
@@ -204,7 +199,7 @@ def _low_places(
 
 def mesh_starts(search: BatchSearch) -> tuple[np.ndarray, np.ndarray]:
     """Return starts (p, L) in the solver's coordinates, and the curve of each, (L,)."""
-    u, outside = search.job.u, search.curves.outside
+    u, curves, outside = search.job.u, search.curves, search.curves.outside
     both = [{n.rpartition(".")[2]: w for n, w in zip(u.spec.moving, u.moving, strict=True)}[part]
             for part in ("eta", "k")]  # fmt: skip
 
@@ -213,25 +208,28 @@ def mesh_starts(search: BatchSearch) -> tuple[np.ndarray, np.ndarray]:
         return [np.clip(x, w.low, w.high) for x, w in zip(parts, both, strict=True)]
 
     middle = np.median(outside)
-    meshes = {kind: m._replace(blocks=tuple(
-        (eta + 1j * k) / middle for eta, k in (inside(b, middle) for b in m.blocks)
-    )) for kind, m in MESHES.items()}  # fmt: skip
-    found, tables = list[tuple[np.ndarray, np.ndarray]](), dict[str, list[np.ndarray]]()
-    every = np.flatnonzero(search.known)
-    angle = search.curves.own.get("angle_deg", search.curves.base.points.angle_deg)
+    angle = curves.own.get("angle_deg", curves.base.points.angle_deg)
     grid = angle[:, 0] if (angle == angle[:, :1]).all() else _GRID
-    for first in range(0, len(every), _SIDE_BY_SIDE):
-        pick = every[first : first + _SIDE_BY_SIDE]
-        sums = _sums(search.curves.at(pick), grid)
+
+    @functools.cache
+    def tabulated(kind: str) -> tuple[_Mesh, list[np.ndarray]]:
+        parts = (inside(b, middle) for b in MESHES[kind].blocks)
+        mesh = MESHES[kind]._replace(blocks=tuple((eta + 1j * k) / middle for eta, k in parts))
+        return mesh, [_reflectances(b, grid) for b in mesh.blocks]
+
+    def of_block(pick: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        sums, found = _sums(curves, pick, grid), []
         kinds = np.broadcast_to(_kinds(sums, grid, outside[pick] > 1.0), len(pick))
-        for kind in np.unique(kinds):
+        for kind in MESHES:
             mine = np.flatnonzero(kinds == kind)
-            if kind not in tables:
-                tables[kind] = [_reflectances(b, grid) for b in meshes[kind].blocks]
-            # In whole calls, filled up with the last curve.
-            full = np.pad(mine, (0, -len(mine) % min(len(mine), _LANES)), "edge")
-            part = _Sums._make(a[full] if len(a) == len(pick) else a for a in sums)
-            found.append(_low_places(meshes[kind], tables[kind], part, pick[mine]))
+            if len(mine):  # in whole calls, filled up with the last curve
+                full = np.pad(mine, (0, -len(mine) % min(len(mine), _LANES)), "edge")
+                found.append(_low_places(*tabulated(kind), sums.at(full), pick[mine]))
+        return found
+
+    every, _ = np.flatnonzero(search.known), curves.squares  # made before threads ask for the data
+    blocks = np.split(every, range(_SIDE_BY_SIDE, len(every), _SIDE_BY_SIDE))
+    found = [one for some in side_by_side(of_block, blocks) for one in some]
     index, which = (np.concatenate(parts) for parts in zip(*found, strict=True))
     rows = [from_parameter(w.parameter.coordinate, x)
             for w, x in zip(both, inside(index, outside[which]), strict=True)]  # fmt: skip
