@@ -17,7 +17,7 @@ from fitting.outcomes.findings import Subject
 from fitting.outcomes.outcome import fit_of
 from fitting.problem.observations import Observations
 from fitting.problem.problem import FitOptions, Problem
-from fitting.problem.programs import Targets, targets_of, with_slopes
+from fitting.problem.programs import SOLVER, Targets, targets_of, with_slopes
 from fitting.problem.slopes import Slopes
 from fitting.problem.unknowns import Unknowns, unknown_of
 from fitting.process.compiled import compiled, fit_settings
@@ -204,6 +204,7 @@ def fit_residuals(
     starts: int | None = None,
     start: Mapping[str, float] | None = None,
     seed: int = 0,
+    rtol: float = SOLVER.rtol,
     batch: bool = False,
 ) -> Fit:
     """Return the caller's own model fitted, with the starts, solver and errors of `fit`.
@@ -221,6 +222,8 @@ def fit_residuals(
         errors: "scaled": the noise is estimated from the residuals, and a warning says so if they
             are larger than 1 beyond chance; or "stated": the residuals are in units of their
             standard errors.
+        rtol: a start ends when its next step is shorter than this many standard errors. The values
+            are then far closer to the minimum, since the last steps converge quadratically.
         batch: whether to fit each entry of the batch axis by itself.
 
     Returns:
@@ -235,11 +238,13 @@ def fit_residuals(
         raise ValueError(f'errors is {errors!r}; "scaled" or "stated" was wanted.')
     check_choices(loss, errors, intervals)
     check_search(starts, start, seed)
+    if not (isinstance(rtol, float | int) and 0.0 < rtol <= 1.0):
+        raise ValueError(f"rtol is {rtol!r}; a number of standard errors in (0, 1] was wanted.")
     settings = settings_of(free, fixed, bounds, priors, tie)
     u = _unknowns(residuals, parameters, settings, loss)
     if not u.free.any():
         raise ValueError("every parameter is fixed or tied; leave one free to be fitted.")
-    asked = FitOptions(errors, intervals, loss, seed)
+    asked = FitOptions(errors, intervals, loss, seed, rtol=rtol)
     count = usual_starts(int(u.free.sum())) if starts is None else starts
     points = with_given_start(start_points(u.moving, count, seed), u.moving, u.labels, start)
     if any(np.iscomplexobj(a) for a in jax.tree.leaves(data)):

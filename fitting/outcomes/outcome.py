@@ -44,6 +44,9 @@ from fitting.uncertainty.spline_errors import errors_of_curves, with_errors_of_c
 
 # So many of the other minima have intervals by profile, the rest quadratic ones.
 OTHERS = 3
+# A fit is not converged where a place was met whose chi2 is lower by more than that: its minimum,
+# which was not reached, lies a standard error away.
+_LOWER = 1.0
 
 
 def parameters_at(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -350,6 +353,8 @@ def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Fou
     failed = f.failed or missed
     unseen = bool(end.known.unseen.size)
     few = bool(too_few(u, of.sample, fit.n_data)) and not (failed or unseen)
+    # Of one datum without an error nothing is known, not even whether the sample is the right one.
+    alone = fit.n_data == 1 and not stated and not (of.sample and of.sample.by_wavelength)
     shown, of_x = _estimates(u, end, ranges, failed)
     chi2 = square if stated else np.nan
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, len(shown), fit.asked.scaled)
@@ -382,6 +387,10 @@ def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Fou
     if f.fringeless is not None:  # few starts end there, where chi2 is not the lowest
         told = [one for one in told if one.code != "few_starts_agree"]
     told += [] if failed else findings(fit, of, f, shown, found.correlation)
+    if f.lower > _LOWER:
+        found = replace(found, status=status.NOT_CONVERGED)
+    elif alone and found.status == status.CONVERGED:
+        found = replace(found, status=status.UNDETERMINED)
     return replace(found, findings=ranked(told))
 
 

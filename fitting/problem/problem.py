@@ -21,7 +21,7 @@ from fitting.problem.lanes import (
     with_fixed,
 )
 from fitting.problem.observations import Observations
-from fitting.problem.programs import Bounds, Targets
+from fitting.problem.programs import SOLVER, Bounds, Targets
 from fitting.problem.programs_in_parts import in_parts, solved_in_parts
 from fitting.problem.slopes import Shown, Slopes, loss_of, prior_rows, slopes_at
 from fitting.problem.solver import START_DAMPING
@@ -50,7 +50,7 @@ class FitOptions(NamedTuple):
     other searches left, and where this one leaves its own. near: `kept_as` of the search whose
     lowest ends are of use here: of the same model with other weights or without a parameter of the
     instrument, or of the one with a term less. thorough: whether the search goes on where it may
-    have missed the best minimum. See `stages`.
+    have missed the best minimum. See `stages`. rtol: as in `fit_residuals`.
     """
 
     errors: str = "auto"
@@ -63,6 +63,7 @@ class FitOptions(NamedTuple):
     kept_as: str = ""
     near: str | None = None
     thorough: bool = True
+    rtol: float = SOLVER.rtol
 
     @property
     def scaled(self) -> bool:
@@ -86,6 +87,8 @@ class Problem:
         self.n_data = len(seen.row)
         self.priors = sum(w.prior is not None for w in u.moving)
         self.dof = max(self.n_data + self.priors - int(u.free.sum()), 0)
+        # The solver ends a lane at SOLVER.rtol**2 / degrees.
+        self.degrees = max(self.dof, 1.0) * (SOLVER.rtol / asked.rtol) ** 2
         self.limits = coordinate_bounds(u.moving)
         self.lanes = LANES
         self.lowest = np.inf  # the cost of the best end that was reported
@@ -168,13 +171,13 @@ class Problem:
         Terms stay in the order that they have. limits: bounds (p, S) of each start, if not those of
         all. targets: what is compared with other data than all.
         """
-        own = targets is limits is None
+        alike = targets is limits is None
         spec, count = self.u.spec, start.shape[1]
         targets = (targets or self.targets)._replace(noise=np.float64(noise))
         low, high = (
             np.broadcast_to(a.reshape(len(a), -1), start.shape) for a in limits or self.limits
         )
-        size = max(self.dof, 1.0), self.squares / noise**2
+        size = self.degrees, self.squares / noise**2
         bounds = Bounds(low, high, *(np.full(count, x) for x in size))
         # A program of its own is compiled for one number of lanes, the last of which are repeated.
         width, parts = count if in_parts(spec, targets) else self.lanes, []
@@ -188,7 +191,7 @@ class Problem:
             tell()
             parts.append(Ends(y, np.where(np.isfinite(cost), cost, np.inf), done, evaluations))
         ends = Ends(*(a[..., :count] for a in joined(parts)))
-        if own and noise == 1.0:
+        if alike and noise == 1.0:
             self._report(ends)
         return ends
 

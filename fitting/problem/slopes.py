@@ -102,7 +102,8 @@ def prior_rows(u: Unknowns, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def loss_of(loss: str, r: np.ndarray) -> float:
     """Return the sum of the loss of residuals in standard deviations."""
-    return float((robust(loss, r, np) ** 2).sum())
+    with np.errstate(over="ignore"):  # of the caller's own residuals
+        return float((robust(loss, r, np) ** 2).sum())
 
 
 def influence(loss: str, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -18,6 +18,10 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         + (f" in {v['evaluations']} evaluations" if "evaluations" in v else " from any start")
         + "; its values mean nothing."
     ),
+    "better_minimum_met": (
+        "near this minimum there is a fit whose chi2 is lower by {by:.4g} (in units of the "
+        "scatter), but its own minimum was not reached. Take more starts, or fewer parameters."
+    ),
     "misses_without_freedom": (
         "the fitted curve misses the data by {rms:.2g} (rms), far beyond their errors, although "
         "{n_data} data leave no degree of freedom: no values of the parameters explain them. "
@@ -78,10 +82,6 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     "few_starts_agree": (
         "only {reached} of {starts} starting points led to the best minimum: a better one may "
         "exist."
-    ),
-    "better_minimum_met": (
-        "near this minimum there is a fit whose chi2 is lower by {by:.4g} (in units of the "
-        "scatter), but its own minimum was not reached."
     ),
     "chi2_large": wording.chi2_large,
     "compatible_with_zero": wording.compatible_with_zero,

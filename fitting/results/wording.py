@@ -289,9 +289,10 @@ def chi2_small(v: Mapping[str, Any]) -> str:
 def no_freedom(v: Mapping[str, Any]) -> str:
     known = "taken from the stated errors, untested" if v["stated"] else "unknown"
     unknowns = {1: "one unknown", 2: "two unknowns"}.get(v["unknowns"], f"{v['unknowns']} unknowns")
+    data = "one datum" if v["n_data"] == 1 else f"{v['n_data']} data"
     return (
-        f"{v['n_data']} data for {unknowns} leave no degree of freedom to test the fit; its errors "
-        f"are {known}."
+        f"{data} for {unknowns} leave{'s' * (v['n_data'] == 1)} no degree of freedom to test the "
+        f"fit; its errors are {known}."
     )
 
 

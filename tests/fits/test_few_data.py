@@ -123,3 +123,13 @@ def test_another_index_is_told_if_the_scatter_of_two_degrees_of_freedom_allows_i
         low, high = other.parameters["eta"].interval
         assert low < eta < high
         assert 6.0 < other.delta_chi2 < 38.0
+
+
+def test_one_datum_without_an_error_determines_nothing():
+    """Of a film the thickness was 32.8 um, "converged"; the stated error of a datum is an error."""
+    m = Measurement.from_columns(0.0, 0.5, R=0.04)
+    found = fit(m, "constant", fixed={"k": 0.0})
+    assert found.status == "undetermined"
+    assert "one datum for one unknown leaves" in found.warnings[-1].text
+    stated = fit(Measurement.from_columns(0.0, 0.5, R=0.04, sigma=1e-3), "constant", fixed={"k": 0})
+    assert stated.status == "converged" and stated.parameters["eta"].sigma > 0.0
