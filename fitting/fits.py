@@ -9,7 +9,7 @@ Fits run in float64, whether or not the caller has switched on jax_enable_x64.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -46,17 +46,16 @@ from fitting.wavelengths import check_wavelengths, fit_wavelengths, problem_of
 
 def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
     """Return the measurements as a tuple, or raise ValueError for anything else."""
-    several = [measurement] if isinstance(measurement, Measurement) else measurement
-    if not isinstance(several, Iterable):
-        several = [several]
-    several = tuple(several)
+    many = isinstance(measurement, list | tuple | Iterator)
+    several = tuple(measurement) if many else (measurement,)
     if not several:
         raise ValueError("the list of measurements is empty; one or more were wanted.")
     for m in several:
         if not isinstance(m, Measurement):
             raise ValueError(
-                f"{type(m).__name__} came where a Measurement was wanted, as read_csv(PATH) or "
-                "Measurement.from_columns(...) returns it, or a list of them."
+                f"{type(m).__name__} came where a Measurement was wanted, or a list of them. "
+                "Read files, buffers and data frames first: fit(read_csv(table)); arrays: "
+                "fit(Measurement.from_columns(angle_deg, wavelength_um, R=...))."
             )
     return several
 

@@ -1,10 +1,10 @@
-"""`read_csv`: the checked measurement in a text file."""
+"""`read_csv`: the checked measurement in a file, a buffer or a data frame."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from os import PathLike
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +20,7 @@ _S_TO_P = re.compile(r"(?i)r[ _]?[sp]\W*/\W*r[ _]?[sp]\b")
 
 
 def read_csv(
-    path: str | PathLike[str],
+    path: Any,
     *,
     columns: Mapping[str, object] | str | None = None,
     angle_deg: float | str | None = None,
@@ -29,7 +29,7 @@ def read_csv(
     wavelength_unit: str | None = None,
     polarization: Mapping[str, str] | str | None = None,
     scale: float | str | None = None,
-    divide_by: str | PathLike[str] | None = None,
+    divide_by: Any = None,
     ratio_to: object = None,
     sigma: float | str | None = None,
     psi_unit: str | None = None,
@@ -39,15 +39,19 @@ def read_csv(
     delimiter: str | None = None,
     decimal: str | None = None,
     encoding: str | None = None,
+    sheet: str | None = None,
 ) -> Measurement:
-    """Return the measurement in the text file at ``path``, with a sentence of how it was read.
+    """Return the measurement in a file, buffer or data frame, with a sentence of how it was read.
 
     Delimiter, decimal mark, encoding, header, units and layout are found out; an option overrules
     each. What could mean two things, or contradicts itself, is refused. Every option is also a flag
     of the command line with the same name and the same text.
 
     Args:
-        path: the file; - is standard input.
+        path: the file, text or a spreadsheet (.xlsx; extra ``spreadsheet``), - is standard input;
+            a buffer that is open for reading (io.StringIO, io.BytesIO); or a table with named
+            columns: a data frame (pandas, polars, Arrow), xarray, a mapping from names to arrays.
+            The rows of a table are counted from 2, below the names, as a spreadsheet does.
         columns: role -> header name or number from 1, ``"angle=1,R_s=2,sigma_R_s=3"`` or a mapping;
             then these columns alone are read. Roles: angle, wavelength, polarization, polarizer,
             the names in ``QUANTITIES``, and sigma_ before one.
@@ -60,9 +64,10 @@ def read_csv(
         polarization: s, p or unpolarized for the whole file; what the codes of its column mean,
             ``"0=s,1=p"``; or angle-from-p, angle-from-s for the angle of a polarizer in degrees.
         scale: factor that makes R and T (and their standard errors) fractions; 0.01 for percent.
-        divide_by: a second file, the scan of a reference, read with the same options: R and T are
-            divided by its values at the same angle and wavelength, or between them by straight
-            lines; both may be counts. The standard errors of both are propagated.
+        divide_by: the name of a column of a reference, or a second file, the scan of a reference,
+            read with the same options: R and T are divided by its values at the same angle and
+            wavelength, or between them by straight lines; both may be counts. The standard errors
+            of two files are propagated.
         ratio_to: text of a sample without anything to be fitted, "Si": values of R and their errors
             are ratios to its reflectance, and are multiplied by it.
         sigma: standard error of the values that have none, a fraction (degrees for psi and delta);
@@ -77,6 +82,7 @@ def read_csv(
         delimiter: tab, semicolon, comma, pipe, blank, or the sign.
         decimal: "." or ",".
         encoding: a name that Python knows.
+        sheet: name of the sheet of a spreadsheet that has several.
 
     Returns:
         A `Measurement`. Its numbers are ``float`` of their text to the last bit; percent, nm and
@@ -92,18 +98,22 @@ def read_csv(
             columns=columns, ignore=ignore, angle_deg=angle_deg, angle_unit=angle_unit,
             wavelength_um=wavelength_um, wavelength_unit=wavelength_unit, polarization=polarization,
             scale=scale, sigma=sigma, psi_unit=psi_unit, missing=missing, lines=lines,
-            delimiter=delimiter, decimal=decimal, encoding=encoding,
+            delimiter=delimiter, decimal=decimal, encoding=encoding, sheet=sheet,
         ))  # fmt: skip
         each = options if divide_by is None else options._replace(sigma=None, divided=True)
-        long = long_columns(path, each)
+        column = divide_by if isinstance(divide_by, str) else ""
+        long = long_columns(path, each._replace(reference=column))
         raw = long.data.value
         if divide_by is not None:
             from fitting.ratios import divided  # with jax, which reading other files does not need
 
-            reference, same_unit = source_of(divide_by), options.scale is not None
-            with named(reference):
-                by = long_columns(divide_by, each).data
-            long = long.by(divided(long.data, reference, by, same_unit))
+            if long.reference is not None:
+                long = long.by(divided(long.data, f"column {column}", long.reference, True))
+            else:
+                reference, same_unit = source_of(divide_by), options.scale is not None
+                with named(reference):
+                    by = long_columns(divide_by, each).data
+                long = long.by(divided(long.data, reference, by, same_unit))
             if options.sigma is not None:
                 stated = np.where(np.isnan(long.data.sigma), options.sigma, long.data.sigma)
                 long = long._replace(data=long.data._replace(sigma=stated))

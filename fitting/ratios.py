@@ -96,15 +96,20 @@ def _reference_at(data: Data, name: str, reference: Data) -> np.ndarray:
     return out
 
 
-def divided(data: Data, name: str, reference: Data, same_unit: bool) -> tuple[Data, str]:
+def divided(
+    data: Data, name: str, reference: Data | np.ndarray, same_unit: bool
+) -> tuple[Data, str]:
     """Return the data divided by a reference scan, and a sentence on how.
 
-    The reference has the angles and wavelengths of the data, or, at the same angle (else at the
-    same wavelength), a range that encloses them, in which it is interpolated by straight lines.
+    The reference has a value for each of the data, (N,), or is a scan of its own. This one has the
+    angles and wavelengths of the data, or, at the same angle (else at the same wavelength), a range
+    that encloses them, in which it is interpolated by straight lines.
     name: of the reference scan. same_unit: whether an option states that both are in one unit.
     Refuses a file where there is no counterpart, or no value to divide by.
     """
     _refuse_no_powers(data.quantity, False, f"--divide-by {name}")
+    rows = not isinstance(reference, Data)
+    reference = data._replace(value=reference, sigma=data.sigma * np.nan) if rows else reference
     for what, came, bad in (
         ("value", reference.value, ~(np.isfinite(reference.value) & (reference.value > 0.0))),
         ("standard error", reference.sigma, reference.sigma <= 0.0),
@@ -118,7 +123,8 @@ def divided(data: Data, name: str, reference: Data, same_unit: bool) -> tuple[Da
                 "can be divided. Leave the row out with --lines A-B, or say --missing 0 if it "
                 "stands for 'not measured'."
             )
-    by, sigma_by, between = _reference_at(data, name, reference)
+    beside = np.stack([reference.value, reference.sigma, np.zeros(len(reference.value))])
+    by, sigma_by, between = beside if rows else _reference_at(data, name, reference)
     low, high = sorted(float(np.median(np.abs(x))) for x in (data.value, by))
     if low <= _FRACTION and high >= _NO_FRACTION and not same_unit:
         refuse(

@@ -110,7 +110,12 @@ _READING = (
     ("wavelength-unit", "UNIT", "nm, um, angstrom, eV, cm-1, THz, ..."),
     ("polarization", "LIGHT", "s, p or unpolarized; or what the codes in a column mean: 0=s,1=p"),
     ("scale", "FACTOR", "factor that makes R a fraction: 0.01 for percent"),
-    ("divide-by", "FILE", "divide the values by this scan of a reference, read in the same way"),
+    (
+        "divide-by",
+        "FILE",
+        "divide the values by this scan of a reference, read in the same way, or "
+        "by the column of the file with this name",
+    ),
     (
         "ratio-to",
         "SAMPLE",
@@ -124,6 +129,7 @@ _READING = (
     ("delimiter", "NAME", "between columns: tab, semicolon, comma, pipe, blank, or the sign"),
     ("decimal", "SIGN", "decimal mark, . or ,"),
     ("encoding", "NAME", "text encoding: utf-8, latin-1, utf-16, ..."),
+    ("sheet", "NAME", "sheet of a spreadsheet (.xlsx) that has several"),
 )
 
 
@@ -248,9 +254,9 @@ def parser() -> argparse.ArgumentParser:
     )
     out.add_argument(
         "file", metavar="FILE", nargs="+",
-        help="text file with the measurement (CSV or similar), - for standard input, or a quoted "
-        "pattern such as '*.csv'; several files are fitted together, as measurements of one "
-        "sample",
+        help="file with the measurement (CSV or similar text, or .xlsx), - for standard input, or "
+        "a quoted pattern such as '*.csv'; several files are fitted together, as measurements of "
+        "one sample",
     )  # fmt: skip
     out.add_argument(
         "--each", action="store_true",

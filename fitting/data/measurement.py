@@ -8,14 +8,14 @@ fractions; psi and Delta are degrees in the ellipsometer's convention
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from fitting.data import units
-from fitting.data.checks import Data, all_alike, checked, is_running, unmasked
+from fitting.data.checks import Data, checked, unmasked
 from fitting.data.errors import MeasurementError as MeasurementError
 from fitting.data.errors import named, refuse
 from fitting.data.quantities import QUANTITIES as QUANTITIES
@@ -125,56 +125,18 @@ class Measurement:
         return Measurement(*map(frozen, data), source=source, understood=understood)
 
     @staticmethod
-    def from_dataframe(table: Any, *, ignore: Collection[str] = (), **options: Any) -> Measurement:
-        """Return the measurement in a table with named columns.
+    def from_dataframe(table: Any, **options: Any) -> Measurement:
+        """Return the measurement in a data frame, xarray or mapping: `read_csv` of it.
 
         Args:
-            table: a pandas or polars data frame, a mapping, or any other table with ``[name]``,
-                and ``keys()`` or ``columns``. Columns "angle_deg", "wavelength_um" (or
-                "wavelength_nm"), "polarizer_deg", the names in ``QUANTITIES``, and "sigma_" before
-                one; any other must be constant or a running number.
-            ignore: names of columns that shall not be read.
-            options: as for :meth:`from_columns`; they overrule columns.
+            table: as for :func:`read_csv`, with names of columns as a file may have them: "Angle
+                (deg)", "wavelength_nm", "R_s" or "Rs (%)", "sigma_R_s".
+            options: as for :func:`read_csv`.
         """
-        columns: dict[str, Any] = {}
-        sigma: dict[str, Any] = {}
-        names = table.keys() if hasattr(table, "keys") else getattr(table, "columns", None)
-        if names is None:
-            raise MeasurementError(
-                f"{type(table).__name__} came; a table with named columns was wanted, such as a "
-                "data frame or a dictionary of arrays."
-            )
-        names = [name for name in map(str, names) if name not in ignore]
-        if "wavelength_um" in options:  # in micrometres, whatever the unit of a column
-            names = [name for name in names if not name.startswith("wavelength_")]
-        elif {"wavelength_um", "wavelength_nm"} <= set(names):
-            raise MeasurementError(
-                "the table has columns wavelength_um and wavelength_nm; leave one of them out."
-            )
-        for name in names:
-            if name in (*QUANTITIES, "angle_deg", "wavelength_um", "polarizer_deg"):
-                columns[name] = table[name]
-            elif name == "wavelength_nm":
-                columns["wavelength_um"] = table[name]
-                columns["wavelength_unit"] = "nm"
-            elif name.removeprefix("sigma_") in QUANTITIES:
-                sigma[name.removeprefix("sigma_")] = table[name]
-            else:
-                cells = [*map(str, np.asarray(table[name]).tolist())]
-                if not (all_alike(cells) or is_running(cells)):
-                    raise MeasurementError(
-                        f"the column {name!r} ({', '.join(dict.fromkeys(cells[:3]))}, ...) is not "
-                        "read, but differs from row to row. Give it the name of what it is, or "
-                        f"leave it out with ignore=[{name!r}]."
-                    )
-        if "angle_deg" not in {**columns, **options}:
-            raise MeasurementError(
-                "the table has no column angle_deg. Give the column of angles this name, or give "
-                "angle_deg=..."
-            )
-        return Measurement.from_columns(
-            **{**columns, **({"sigma": sigma} if sigma else {}), "source": "table", **options}
-        )
+        # By the public name: the reader makes measurements, and is a room above.
+        from fitting import read_csv
+
+        return read_csv(table, **options)
 
 
 def _arrays(m: Measurement) -> tuple[np.ndarray, ...]:

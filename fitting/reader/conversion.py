@@ -448,6 +448,7 @@ def standard_errors(
     reading.one("errors")
     numbers, sign = reading.numbers(column, gaps=True)
     own = "percent" if sign == "%" else column.role.unit
+    own = "" if own == "arb" and options.divided else own
     if value.role.quantity in _LIMITS:
         own = options.psi_unit or own or unit
         if own not in ("deg", "rad"):

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from os import PathLike
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,10 +30,11 @@ from fitting.reader.conversion import (
     standard_errors,
     wavelengths,
 )
+from fitting.reader.names import Role
 from fitting.reader.options import Options
 from fitting.reader.remarks import evidence, statements, without
 from fitting.reader.table import Table, read_table
-from fitting.reader.text import read_lines, source_of
+from fitting.reader.text import STDIN, Lines, read_lines
 
 # What makes a file of an instrument a plain table; each returns None for a file of another kind.
 FORMATS: tuple[Callable, ...] = (
@@ -50,13 +50,14 @@ class LongColumns(NamedTuple):
 
     places: (line, column of the value, column of its standard error) of each datum.
     labels: columns of the angle, the wavelength and the polarizer.
-    understood: how the file was read.
+    understood: how the file was read. reference: the column of a reference at each datum.
     """
 
     data: Data
     places: list[tuple[int, str, str]]
     labels: dict[str, str]
     understood: str
+    reference: np.ndarray | None = None
 
     def by(self, converted: tuple[Data, str]) -> LongColumns:
         """Return the columns with other data, row by row, and how they were made."""
@@ -141,28 +142,50 @@ def _understood(reading: Reading, data: Data, factor: float) -> str:
     return "; ".join([text, *dict.fromkeys(notes)])
 
 
-def _table_of(texts: Sequence[str], options: Options) -> Table:
+def _table_of(lines: Lines, options: Options) -> Table:
     """Return the table in the lines of a file of any known format."""
+    texts = lines.texts
+    if lines.tabbed:
+        if options.delimiter:
+            refuse("--delimiter is for text, and the cells of a table are known. Leave it out.")
+        return read_table(list(enumerate(texts, start=1)), options._replace(delimiter="\t"))
     plain = instruments.woollam(texts, options.ignore)
     for as_plain_table in FORMATS:
         plain = plain or as_plain_table(texts)
-    lines, notes = plain or (list(enumerate(texts, start=1)), [])
-    table = read_table(lines, options)
+    numbered, notes = plain or (list(enumerate(texts, start=1)), [])
+    table = read_table(numbered, options)
     return table._replace(notes=table.notes + notes)
 
 
+def _with_reference(table: Table, name: str) -> tuple[Table, Column | None]:
+    """Return the table without the column of a reference, and this column, None if not there."""
+    low = name.strip().lower()
+    which = [i for i in table.filled if name and table.names[i].lower() == low]
+    exists = name == STDIN or bool(name and Path(name).exists())
+    if name and not (which or exists):
+        names = ", ".join(filter(None, table.names))
+        refuse(f"--divide-by {name} names neither a file nor a column; the columns are {names}.")
+    if len(which) != 1:
+        return table, None
+    if exists:
+        refuse(f"--divide-by {name} names a column and a file. If it is the file, say ./{name}.")
+    rest = table._replace(filled=[i for i in table.filled if i not in which])
+    return rest, Column(which[0], table.label(which[0]), Role("value"))
+
+
 @np.errstate(all="ignore")  # what overflows or is NaN is refused by the checks of the Measurement
-def long_columns(path: str | PathLike[str], options: Options) -> LongColumns:
-    """Return the data of a file, column after column, gaps left out.
+def long_columns(source: Any, options: Options) -> LongColumns:
+    """Return the data of a file, a buffer or a table, column after column, gaps left out.
 
     Refuses what is ambiguous or contradicts itself; ranges are not checked.
     """
-    texts, remarks = read_lines(Path(path), options.encoding)
-    table = _table_of(texts, options)
+    lines = read_lines(source, options.encoding, options.sheet)
+    table, by = _with_reference(_table_of(lines, options), options.reference)
     layout = choose_columns(table, options)
-    said = evidence(source_of(path), table.preamble)
+    said = evidence(lines.name, table.preamble)
     ats = dict.fromkeys(v.role.at for v in layout.values if v.role.at is not None)
-    notes = [*table.notes, *remarks, *(f"angle {at:g} degrees by the column name" for at in ats)]
+    notes = [*table.notes, *lines.notes]
+    notes += (f"angle {at:g} degrees by the column name" for at in ats)
     for value in [v for v in layout.values if options.columns and v.role.at is None]:
         said += (s for s in statements(table.header, value.label) if s.kind == "angle")
     reading = Reading(table, layout, options, without(said, options), notes)
@@ -177,6 +200,7 @@ def long_columns(path: str | PathLike[str], options: Options) -> LongColumns:
     factor = power_scale(reading, numbers, {index: pair[1] for index, pair in read.items()})
     psi_units = psi_delta_unit(reading, numbers)
     light = layout.polarizer or layout.polarization
+    reference = np.full(len(angle), np.nan) if by is None else reading.numbers(by, gaps=True)[0]
     parts: list[tuple[np.ndarray, ...]] = []
     places: list[tuple[int, str, str]] = []
     for value, error in zip(layout.values, layout.sigmas, strict=True):
@@ -203,13 +227,14 @@ def long_columns(path: str | PathLike[str], options: Options) -> LongColumns:
         if power:
             _refuse_zeros(reading, value, raw, name)
         kept = np.flatnonzero(~np.isnan(raw))
-        columns = (angle, wavelength, name, converted, sigma, polarizer)
+        columns = (angle, wavelength, name, converted, sigma, polarizer, reference)
         parts.append(tuple(column[kept] for column in columns))
         places += [(table.lines[i], value.label, error.label if error else "") for i in kept]
     if not places:
         came = f"the {len(table.rows)} rows hold gaps only"
         refuse(f"{came}; at least one measured value was wanted.", table.lines[0])
-    data = Data(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    *columns, reference = (np.concatenate(column) for column in zip(*parts, strict=True))
+    data, reference = Data(*columns), None if by is None else reference
     axes = {"angle": layout.angle, "wavelength": layout.wavelength, "polarizer": layout.polarizer}
     labels = {name: column.label for name, column in axes.items() if column is not None}
-    return LongColumns(data, places, labels, _understood(reading, data, factor))
+    return LongColumns(data, places, labels, _understood(reading, data, factor), reference)

@@ -37,7 +37,8 @@ class Options(NamedTuple):
     polarizer: "angle-from-p", "angle-from-s" or "". missing: with "none", zeros were measured.
     lines: the first and the last that may hold rows; the header may stand before. delimiter: the
     sign itself; without it the split is taken that makes the most lines rows of one length.
-    divided: the values are one of two scans, whose quotient counts: their unit is of no matter.
+    sheet: of a spreadsheet. divided: the values are one of two scans or columns, whose quotient
+    counts: their unit is of no matter. reference: what may be the name of the second column.
     """
 
     columns: Mapping[str, str] = {}
@@ -57,7 +58,9 @@ class Options(NamedTuple):
     delimiter: str | None = None
     decimal: str | None = None
     encoding: str | None = None
+    sheet: str | None = None
     divided: bool = False
+    reference: str = ""
 
 
 def _refuse(name: str, value: object, text: str) -> NoReturn:
@@ -154,7 +157,8 @@ def _sign(name: str, value: object) -> str:
 _PARSERS: dict[str, Callable[[str, object], object]] = {
     **dict.fromkeys(_RANGES, _number), **dict.fromkeys(_CHOICES, _word), "columns": _columns,
     "ignore": lambda name, value: tuple(word.lower() for word in _words(name, value)),
-    "missing": _words, "lines": _lines, "delimiter": _sign, "encoding": lambda _, value: str(value),
+    "missing": _words, "lines": _lines, "delimiter": _sign,
+    **dict.fromkeys(("encoding", "sheet"), lambda _, value: str(value)),
 }  # fmt: skip
 
 

@@ -9,7 +9,6 @@ vocabulary is not understood, and no reason to guess.
 from __future__ import annotations
 
 import re
-from pathlib import PurePath
 from typing import NamedTuple
 
 import numpy as np
@@ -209,10 +208,10 @@ def _statements_of_name(stem: str) -> list[Said]:
     return found + [Said(*pair, FULL_NAME, stem[:80]) for pair in kinds if pair[0] != "angle"]
 
 
-def evidence(source: str, preamble: list[tuple[int, str]]) -> list[Said]:
-    """Return what the lines beside the numbers and the name of the file say."""
+def evidence(name: str, preamble: list[tuple[int, str]]) -> list[Said]:
+    """Return what the lines beside the numbers and the name of the file, without its end, say."""
     said = [one for line, text in preamble for one in statements(line, text)]
-    return said + _statements_of_name(PurePath(source).stem)
+    return said + _statements_of_name(name)
 
 
 def without(said: list[Said], options: Options) -> list[Said]:

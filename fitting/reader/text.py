@@ -1,15 +1,23 @@
-"""A file's bytes as numbered lines of text, whatever the encoding and the line ends."""
+"""Files, buffers, data frames and spreadsheets as numbered lines of text, for one reader of all."""
 
 from __future__ import annotations
 
 import codecs
+import io
 import re
 import sys
+from collections.abc import Iterable, Sequence
+from decimal import Decimal
 from os import PathLike
-from pathlib import Path
+from pathlib import Path, PurePath
+from typing import Any, NamedTuple
 
-from fitting.data.errors import MeasurementError, refuse
+import numpy as np
+
+from fitting.data.checks import unmasked
+from fitting.data.errors import MeasurementError, MissingExtra, refuse
 from fitting.process.visible import visible
+from fitting.reader.cells import is_number
 
 # Some 400,000 rows, which take 5 s and, as cells of text, 35 times the memory of the file.
 MAX_BYTES = 10_000_000
@@ -18,7 +26,10 @@ STDIN = "-"
 # Every byte is a character of Latin-1; measured files hold a few of its letters (micro, degree,
 # Angstrom), which Windows-1252 writes alike. It is the reading of bytes that are not UTF-8.
 _FALLBACK = "latin-1"
-_WORKBOOKS = (".xlsx", ".xlsm", ".ods", ".numbers")
+_WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods", ".numbers")
+_ZIP = b"PK\x03\x04"
+# What lists the columns of a table: of dictionaries and pandas, of Arrow, of polars.
+_NAMES = ("keys", "column_names", "columns")
 _MARKED_UP = re.compile(r"\ufeff?\s*(?:[{\[]\s*[\"{\[]|<[!?a-zA-Z])")
 _LINE_END = re.compile("\r\n|\n|\r")  # not splitlines, which also cuts at form feeds
 
@@ -33,46 +44,52 @@ def _guess_encoding(data: bytes) -> str:
     return "utf-8"
 
 
-def source_of(path: str | PathLike[str]) -> str:
-    """Return the name of a file as messages and results show it, escapes and all."""
-    return "standard input" if str(path) == STDIN else visible(Path(path).name)
+def source_of(source: Any) -> str:
+    """Return the name of a file, buffer or table as messages and results show it."""
+    if is_path(source):
+        return "standard input" if str(source) == STDIN else visible(Path(source).name)
+    if not hasattr(source, "read"):
+        return "table"
+    name = getattr(source, "name", None)
+    return visible(Path(name).name) if isinstance(name, str) else "buffer"
 
 
-def _bytes(path: Path) -> bytes:
-    """Return what the file, pipe or device holds, up to the limit, or refuse it."""
+def is_path(source: Any) -> bool:
+    """Return whether this is the path of a file, and no buffer or table."""
+    return isinstance(source, (str, PathLike))
+
+
+def _contents(source: Any) -> Any:
+    """Return the bytes, or text, of a file, pipe, device or buffer, up to the limit."""
     size, data = 0, b""
     try:
-        if str(path) == STDIN:
+        if not is_path(source):
+            data = source.read()
+        elif str(source) == STDIN:
             data = sys.stdin.buffer.read(MAX_BYTES + 1)
-        elif (size := path.stat().st_size) <= MAX_BYTES:
-            with path.open("rb") as file:
+        elif (size := Path(source).stat().st_size) <= MAX_BYTES:
+            with Path(source).open("rb") as file:
                 data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         what = getattr(error, "strerror", None) or str(error)
         raise MeasurementError(
-            f"{visible(str(path))}: the file cannot be opened ({what})."
+            f"{visible(str(source))}: the file cannot be opened ({what})."
         ) from error
-    if max(size, len(data)) > MAX_BYTES:
+    _refuse_larger(max(size, len(data)))
+    return data
+
+
+def _refuse_larger(size: int) -> None:
+    if size > MAX_BYTES:
         refuse(
             f"more than {MAX_BYTES // 10**6} MB came, which is the most that is read (some "
             "400,000 rows). Average or thin out the rows, or give the curves as files of their "
             "own."
         )
-    return data
 
 
-def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
-    """Return the lines of the file at ``path`` without their ends, and notes on how they were read.
-
-    ``-`` is standard input. Control characters are shown as escapes; a form feed is a blank.
-
-    encoding: a name that Python knows (utf-8, latin-1, utf-16, ...); None takes a byte-order mark,
-        valid UTF-8, else Latin-1, in this order.
-    Lines end with LF, CRLF or CR. Refuses a file where there is no text to read.
-    """
-    if path.suffix.lower() in _WORKBOOKS:
-        refuse("this is the name of a workbook, not of a text file. Save the sheet as CSV.")
-    data = _bytes(path)
+def _decoded(data: bytes, encoding: str | None) -> tuple[str, list[str]]:
+    """Return bytes as text, and a note on how they were read."""
     chosen = str(encoding) if encoding else _guess_encoding(data)
     try:
         text = data.decode(chosen)
@@ -81,12 +98,135 @@ def read_lines(path: Path, encoding: str | None) -> tuple[list[str], list[str]]:
     except (UnicodeError, LookupError, ValueError) as error:
         refuse(
             f"the bytes are not {chosen} text ({error}). Say --encoding NAME (utf-8, utf-16, "
-            "latin-1, ...) if it is text; a workbook or a PDF must be saved as CSV."
+            "latin-1, ...) if it is text; other workbooks than .xlsx, and PDF, must be "
+            "saved as CSV."
         )
+    guessed = not encoding and chosen == _FALLBACK
+    return text, ["text read as Latin-1 (--encoding)"] if guessed else []
+
+
+def _written(value: Any, percent: bool = False) -> str:
+    """Return a cell of a table as it is written in a text file; numbers to the last bit.
+
+    percent: whether a spreadsheet shows the number in percent.
+    """
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return f"{Decimal(repr(value)).scaleb(2)}%" if percent else repr(value)
+    text = "" if value is None or str(value) in ("<NA>", "NaT") else str(value)
+    return " ".join(visible(text.replace('"', "'"), "\t\r\n").split())
+
+
+def _tabbed(rows: Iterable[Sequence[str]]) -> list[str]:
+    """Return rows of cells as lines of a tabbed text."""
+    lines = [*map("\t".join, rows)]
+    _refuse_larger(sum(map(len, lines)))
+    return lines
+
+
+def _sheet(data: bytes, wanted: str | None) -> tuple[str, list[str]]:
+    """Return the name and the lines of the sheet of a workbook (.xlsx) that holds the data."""
+    try:
+        import openpyxl
+    except ImportError:
+        raise MissingExtra("a spreadsheet (.xlsx)", "openpyxl", "spreadsheet") from None
+    try:
+        book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
+    except Exception as error:  # of its parts: zipfile, XML, openpyxl
+        refuse(f"this spreadsheet cannot be read ({error}). Save it anew as .xlsx, or as CSV.")
+    sheets = {}
+    for sheet in book.worksheets:
+        sheet.reset_dimensions()  # which some programs write wrongly
+        rows = [[_written(c.value, "%" in (c.number_format or "")) for c in row]
+                for row in sheet.iter_rows()]  # fmt: skip
+        width = max(map(len, rows), default=0)
+        # a remark in the first cell is a line of its own
+        sheets[sheet.title] = [
+            row + [""] * (width - len(row)) if any(row[1:]) or is_number("".join(row)) else row[:1]
+            for row in rows
+        ]
+    names = [name for name, rows in sheets.items() if any(map(any, rows))]
+    chosen = names if wanted is None else [n for n in sheets if n.lower() == wanted.lower()]
+    if len(chosen) != 1:
+        came = "more than one sheet holds something" if len(names) > 1 else "no sheet holds data"
+        came = came if wanted is None else f"there is no sheet {wanted!r}"
+        refuse(f"{came}. Say --sheet NAME with one of {', '.join(map(repr, sheets))}.")
+    return chosen[0], _tabbed(sheets[chosen[0]])
+
+
+def _column_lines(table: Any) -> list[str]:
+    """Return the named columns of a table as lines: names, units where it has some, rows."""
+    units: dict[str, str] = {}
+    if hasattr(table, "coords"):  # of xarray, where units are attributes
+        every = table if hasattr(table, "data_vars") else table.to_dataset(name=table.name or "?")
+        units = {str(n): str(v.attrs.get("units", "")) for n, v in every.variables.items()}
+        table = every.to_dataframe()
+    elif hasattr(table, "to_frame"):  # a single column
+        table = table.to_frame()
+    if any(name is not None for name in getattr(getattr(table, "index", None), "names", ())):
+        table = table.reset_index()  # of pandas, which has angles or wavelengths there
+    every = (getattr(table, of, None) for of in _NAMES)
+    listed: Any = next((names for names in every if names is not None), ())
+    names = list(listed() if callable(listed) else listed)
+    if not names:
+        refuse(
+            f"{type(table).__name__} came; a table with named columns was wanted, such as a data "
+            "frame or a dictionary of arrays (arrays without names: Measurement.from_columns)."
+        )
+    try:
+        columns = np.broadcast_arrays(*(np.asarray(unmasked(table[name])) for name in names))
+        if columns[0].ndim != 1:
+            raise ValueError("two columns may have one name")
+    except (ValueError, TypeError) as error:
+        refuse(f"the columns must be of one length, with a name each ({error}).")
+    heads = [names, [units.get(str(name), "") for name in names]][: 1 + any(units.values())]
+    cells = [[_written(x) for x in (c.astype(float) if c.dtype.kind == "f" else c).tolist()]
+             for c in columns]  # fmt: skip
+    return _tabbed([*([*map(_written, head)] for head in heads), *zip(*cells, strict=True)])
+
+
+class Lines(NamedTuple):
+    """The lines of a file, buffer or table, and notes on how they were read.
+
+    name: words that may say what was measured, of the file and the sheet. tabbed: whether the cells
+    are known, as those of a table, and parted by tabs.
+    """
+
+    texts: list[str]
+    notes: list[str]
+    name: str
+    tabbed: bool = False
+
+
+def read_lines(source: Any, encoding: str | None = None, sheet: str | None = None) -> Lines:
+    """Return the lines of a file, a buffer or a table without their ends.
+
+    ``-`` is standard input. Control characters are shown as escapes; a form feed is a blank. The
+    rows of a table are numbered as in a spreadsheet: the names stand in line 1.
+
+    encoding: a name that Python knows (utf-8, latin-1, utf-16, ...); None takes a byte-order mark,
+        valid UTF-8, else Latin-1, in this order. sheet: name of that of a workbook.
+    Lines end with LF, CRLF or CR. Refuses a file where there is no text to read.
+    """
+    name = source_of(source)
+    if is_path(source) or hasattr(source, "read"):
+        data = _contents(source)
+        if isinstance(data, bytes) and data.startswith(_ZIP) and b"xl/workbook" in data:
+            if encoding:
+                refuse("--encoding is for text, and this is a spreadsheet. Leave it out.")
+            title, texts = _sheet(data, sheet)
+            return Lines(texts, [f"sheet {title!r}"], f"{PurePath(name).stem} {title}", True)
+        if PurePath(name).suffix.lower() in _WORKBOOKS:
+            refuse("this is the name of a workbook, but no .xlsx workbook. Save the sheet as CSV.")
+        text, notes = (data, []) if isinstance(data, str) else _decoded(data, encoding)
+    else:
+        text, notes = "", []
+    if sheet:
+        refuse(f"--sheet {sheet} is for a spreadsheet (.xlsx), which this is not. Leave it out.")
+    if not (is_path(source) or hasattr(source, "read")):
+        return Lines(_column_lines(source), [], "", True)
     if _MARKED_UP.match(text):
         refuse("this is JSON or markup, not a table. Export the curve as CSV.")
-    guessed = not encoding and chosen == _FALLBACK
     text = visible(text.removeprefix("\ufeff").replace("\f", " ").replace("\v", " "), "\t\r\n")
     lines = _LINE_END.split(text)
     lines = lines if lines[-1] else lines[:-1]  # what stands behind the last line end is no line
-    return lines, ["text read as Latin-1 (--encoding)"] if guessed else []
+    return Lines(lines, notes, PurePath(name).stem)

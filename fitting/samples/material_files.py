@@ -62,7 +62,7 @@ def read_material(path: str | os.PathLike[str]) -> Material:
     try:
         if file.suffix.lower() in (".yml", ".yaml"):
             with named(file.name):
-                text = "\n".join(read_lines(file, None)[0])
+                text = "\n".join(read_lines(file).texts)
             return material_from_yaml(text, file.stem)
         columns = index_in_table(file)
         return material_from_tables(columns["n"], columns.get("k"), file.stem)
@@ -167,7 +167,7 @@ def index_in_table(file: Path) -> dict[str, _Column]:
     """
     parts: dict[str, _Column] = {}
     with named(file.name):
-        for lines in _blocks(read_lines(file, None)[0]):
+        for lines in _blocks(read_lines(file).texts):
             found = _index_of(read_table(lines, Options()), file.name)
             if twice := found.keys() & parts.keys():
                 refuse(f"two tables hold {min(twice)}; one was wanted.", lines[0][0])

@@ -101,9 +101,9 @@ def test_the_wavelengths_of_a_table_are_in_one_unit() -> None:
     """Micrometres were taken for nanometres where a column of these was there too."""
     table = {"angle_deg": [10, 20], "wavelength_nm": [400.0, 500.0], "R": [0.1, 0.2]}
     assert Measurement.from_dataframe(table).wavelength_um.tolist() == [0.4, 0.5]
-    given = Measurement.from_dataframe(table, wavelength_um=0.6)
-    assert given.wavelength_um.tolist() == [0.6, 0.6]
-    with pytest.raises(MeasurementError, match="wavelength_um and wavelength_nm"):
+    with pytest.raises(MeasurementError, match="gives wavelengths, and wavelength_um=0.6 came"):
+        Measurement.from_dataframe(table, wavelength_um=0.6)
+    with pytest.raises(MeasurementError, match="'wavelength_nm' and .* 'wavelength_um' both"):
         Measurement.from_dataframe({**table, "wavelength_um": [0.4, 0.5]})
     with pytest.raises(MeasurementError, match="table with named columns was wanted"):
         Measurement.from_dataframe([0.1])  # type: ignore[arg-type]

@@ -211,9 +211,9 @@ class Frame:
 def test_frames_without_keys_and_with_columns_that_are_not_read() -> None:
     table = dict(angle_deg=[10, 20, 30], R=[0.1, 0.2, 0.3], row=[0, 1, 2], site=["x", "x", "x"])
     assert len(Measurement.from_dataframe(Frame(**table))) == 3
-    with pytest.raises(MeasurementError, match=r"'pol' .*ignore=\['pol'\]"):
-        Measurement.from_dataframe(Frame(**table, pol=["s", "p", "s"]))
-    assert len(Measurement.from_dataframe({**table, "pol": ["s", "p", "s"]}, ignore=["pol"])) == 3
+    with pytest.raises(MeasurementError, match='column spot: .* say ignore="spot"'):
+        Measurement.from_dataframe(Frame(**table, spot=["a", "b", "a"]))
+    assert len(Measurement.from_dataframe({**table, "spot": ["a", "b", "a"]}, ignore="spot")) == 3
 
 
 def test_what_r_writes(tmp_path: Path) -> None:
