@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _colour import spectral_rgb
+from _picture import spectral_rgb
 
 APEX_DEG, SIDE = 60.0, 1.6
 LEFT, RIGHT, BOTTOM, TOP = -1.75, 3.05, -1.75, 0.95  # of the picture

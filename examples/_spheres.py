@@ -11,7 +11,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _colour import tone
+from _picture import tone
 from _scenery import (
     CAUSTIC_CELLS,
     CAUSTIC_CORNER,

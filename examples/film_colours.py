@@ -11,17 +11,15 @@ derivative of the colour with respect to the thickness finds the thickness from 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _colour import VISIBLE_UM, encode, spectral_rgb
 from _picture import arguments, figure
 
+from fresnel_jax.colour import linear_srgb, srgb_encode, xyz
 from fresnel_jax.dispersion import material
 from fresnel_jax.layers import stack
 
 jax.config.update("jax_enable_x64", True)
 
-_LOW, _HIGH = VISIBLE_UM
-WAVELENGTH_UM = _LOW + 2e-3 * (np.arange(round(500 * (_HIGH - _LOW))) + 0.5)
-_WEIGHTS = spectral_rgb(WAVELENGTH_UM) / len(WAVELENGTH_UM)
+WAVELENGTH_UM = np.linspace(0.38, 0.78, 161)
 
 
 def _index(name: str):
@@ -35,9 +33,10 @@ SOAP_FILM = [1.0, _index("water"), 1.0]
 
 @jax.jit
 def colour(index, thickness_um, cos_theta):
-    """Linear sRGB of reflected white light, for thicknesses and cosines that broadcast."""
+    """Linear sRGB of reflected daylight, for thicknesses and cosines that broadcast."""
     d, c = jnp.asarray(thickness_um)[None, ..., None], jnp.asarray(cos_theta)[..., None]
-    return stack(c, index, thickness_um=d, wavelength_um=WAVELENGTH_UM).R @ _WEIGHTS
+    R = stack(c, index, thickness_um=d, wavelength_um=WAVELENGTH_UM).R
+    return linear_srgb(xyz(R, WAVELENGTH_UM))
 
 
 def thickness_from_colour(index, rgb, guess_um, rounds: int = 8):
@@ -64,9 +63,12 @@ def draw(path, size: int) -> None:
         for axes, (title, index, thickest, exposure) in zip(fig.subplots(1, 2), films, strict=True):
             thickness = np.linspace(0.0, thickest, 2 * size)
             cosine = np.cos(np.radians(angle))[:, None]
-            rgb = encode(exposure * colour(index, thickness, cosine))
+            rgb = srgb_encode(exposure * colour(index, thickness, cosine))
             axes.imshow(
-                rgb, origin="lower", aspect="auto", extent=(0.0, 1e3 * thickest, 0.0, angle[-1])
+                np.clip(rgb, 0.0, 1.0),
+                origin="lower",
+                aspect="auto",
+                extent=(0.0, 1e3 * thickest, 0.0, angle[-1]),
             )
             axes.grid(False)
             axes.set(title=title, xlabel="thickness (nm)", ylabel="angle of incidence (degrees)")

@@ -8,16 +8,16 @@ almost wholly and blue light by less than half,
     R = ((eta - 1)^2 + k^2) / ((eta + 1)^2 + k^2)        at normal incidence.
 
 That is the colour of gold. Towards grazing incidence it fades to white, as on any surface. The
-strips show the colour of white light that is reflected, computed over the visible wavelengths.
+strips show the colour of reflected daylight, computed over the visible wavelengths.
 """
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _colour import VISIBLE_UM, encode, spectral_rgb
 from _picture import BLUE, GREY, ORANGE, arguments, figure
 
 from fresnel_jax import reflectance
+from fresnel_jax.colour import linear_srgb, srgb_encode, xyz
 from fresnel_jax.dispersion import material
 
 jax.config.update("jax_enable_x64", True)
@@ -36,11 +36,9 @@ def reflectance_map(matter, angle_deg, wavelength_um):
 
 
 def reflected_rgb(matter, angle_deg):
-    """Linear sRGB of white light after one reflection, shape (angles, 3); white is (1, 1, 1)."""
-    low, high = VISIBLE_UM
-    wavelength = low + 1e-3 * (np.arange(round(1e3 * (high - low))) + 0.5)
-    power = reflectance_map(matter, angle_deg, wavelength)
-    return power.T @ spectral_rgb(wavelength) / len(wavelength)
+    """Linear sRGB of daylight after one reflection, shape (angles, 3); white is (1, 1, 1)."""
+    wavelength = np.linspace(0.38, 0.78, 81)
+    return linear_srgb(xyz(reflectance_map(matter, angle_deg, wavelength).T, wavelength))
 
 
 def draw(path, size: int) -> None:
@@ -85,7 +83,7 @@ def draw(path, size: int) -> None:
             plot.clabel(lines, fontsize=9, manual=list(labels.values()))
             plot.set(title=f"reflectance of {name}", xticks=[])
             strip.imshow(
-                np.asarray(encode(reflected_rgb(matter, angle)))[None], aspect="auto",
+                np.clip(srgb_encode(reflected_rgb(matter, angle)), 0.0, 1.0)[None], aspect="auto",
                 extent=(0.0, 90.0, 0.0, 1.0),
             )  # fmt: skip
             strip.set(xlabel="angle of incidence (degrees)", yticks=[], xticks=range(0, 91, 15))

@@ -18,9 +18,8 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _colour import tone
 from _glass_ball import ball
-from _picture import BLUE, GREY, ORANGE, arguments, figure
+from _picture import BLUE, GREY, ORANGE, arguments, figure, tone
 
 from fresnel_jax import fresnel_dielectric
 from fresnel_jax.bsdf import Dielectric, Lobes, TransportMode

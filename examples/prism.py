@@ -19,8 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from _beams import APEX_DEG, BOTTOM, CORNERS, ENTRY, EXIT, LEFT, RIGHT, TOP, Passage, render
-from _colour import VISIBLE_UM, spectral_rgb, tone
-from _picture import arguments, figure
+from _picture import VISIBLE_UM, arguments, figure, spectral_rgb, tone
 
 from fresnel_jax import powers
 from fresnel_jax.directions import refract

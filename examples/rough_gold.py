@@ -17,11 +17,11 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _colour import VISIBLE_UM, encode, spectral_rgb
 from _glass_ball import studio
-from _picture import arguments, figure
+from _picture import VISIBLE_UM, arguments, figure, spectral_rgb
 
 from fresnel_jax.bsdf import TrowbridgeReitz, conductor
+from fresnel_jax.colour import srgb_encode
 from fresnel_jax.directions import local_frame, to_local, to_world
 from fresnel_jax.dispersion import material
 
@@ -114,7 +114,7 @@ def draw(path, start, found, target, derivatives) -> None:
         for axis, image, title in zip(
             axes[0], (start, found, target), ("start", "found", "target"), strict=True
         ):
-            axis.imshow(np.asarray(encode(image)), interpolation="nearest")
+            axis.imshow(np.clip(srgb_encode(image), 0.0, 1.0), interpolation="nearest")
             axis.set_title(title)
         for axis, image, name in zip(
             axes[1],

@@ -15,9 +15,8 @@ multiplied by T and, since its cone narrows, by eta^2.
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _colour import tone
 from _lake import lake_floor, sky
-from _picture import arguments, figure
+from _picture import arguments, figure, tone
 
 from fresnel_jax import powers
 from fresnel_jax.directions import critical_angle_deg, reflect, refract, snells_window

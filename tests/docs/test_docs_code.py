@@ -47,7 +47,7 @@ WITH_PYTHON = [p for p in PAGES if PYTHON.search(p.read_text(encoding="utf-8"))]
 # How many starting points lead to the minimum depends on the processor's rounding.
 STARTS = re.compile(r"\d+ of \d+ starting points")
 # Tutorials that compile for a minute.
-LONG = {"own_loss.md", "film.md", "path_tracer.md", "wafer_map.md", "design.md"}
+LONG = {"own_loss.md", "film.md", "path_tracer.md", "wafer_map.md", "design.md", "posterior.md"}
 
 
 @pytest.mark.parametrize(
@@ -63,6 +63,8 @@ def test_python_blocks_run_and_print_what_is_shown(page, as_a_newcomer):
         pytest.importorskip("zarr", reason="the extra maps is not installed")
     if page.name == "design.md":
         pytest.importorskip("optax", reason="the extra design is not installed")
+    if page.name == "posterior.md":
+        pytest.importorskip("blackjax", reason="the extra posterior is not installed")
     namespace = {"__name__": "page"}
     for code, shown in PYTHON.findall(page.read_text(encoding="utf-8")):
         printed = io.StringIO()

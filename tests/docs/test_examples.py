@@ -205,17 +205,6 @@ def test_two_spheres_light(example):
     assert found == pytest.approx(floor_light, rel=5e-3)
 
 
-def test_colours(example):
-    colour = example("_colour")
-    # CIE 1931 2-degree observer (CIE 15:2004, table T.4); the fit's largest error is .04.
-    table = {0.45: (0.3362, 0.038, 1.77211), 0.55: (0.43345, 0.99495, 0.00875),
-             0.60: (1.0622, 0.631, 0.0008)}  # fmt: skip
-    for wavelength, xyz in table.items():
-        np.testing.assert_allclose(colour.colour_matching(wavelength), xyz, atol=0.05)
-    # IEC 61966-2-1: mid grey of 18 % is pixel value 118 of 255.
-    assert round(255 * float(colour.encode(0.18))) == 118
-
-
 def test_a_missing_matplotlib_is_named(example, monkeypatch, tmp_path):
     picture = example("_picture")
     monkeypatch.setitem(sys.modules, "matplotlib", None)
