@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -56,11 +58,21 @@ class Fit(FitData):
         return summary.table(self)
 
     def _repr_html_(self) -> str:
-        return page.notebook(self)
+        drawn = self.shape or self.measurement is not None
+        png = b""
+        if drawn and importlib.util.find_spec("matplotlib") is not None:
+            png = pictures.picture_bytes(pictures.draw(self, warnings=False), ".png")
+        return page.notebook(self, png)
 
-    def plot(self, reference: str | None = None) -> Any:
-        """Return a matplotlib Figure of data, fit and residuals; ``reference``: a material."""
-        return pictures.draw(self, reference)
+    def plot(self, reference: str | None = None, others: Sequence[FitData] = ()) -> Any:
+        """Return a matplotlib Figure of data, fit and residuals.
+
+        Args:
+            reference: a named material, whose eta and k are drawn for comparison.
+            others: further fits, of these data or of the same quantities, whose curves, eta and k
+                are drawn, too.
+        """
+        return pictures.draw(self, reference, (others,) if isinstance(others, FitData) else others)
 
     def report(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write a page and its files to a new or empty folder; ``overwrite``: to any folder."""

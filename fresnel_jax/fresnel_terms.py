@@ -22,6 +22,7 @@ from ._numerics.arguments import (
     float_named,
     index_named,
     index_parts,
+    values_shown,
 )
 from ._numerics.index import IndexLike
 from .colour import linear_srgb, xyz
@@ -50,6 +51,8 @@ class FresnelDielectric(eqx.Module):
     Source: PBRT 3rd ed. `FresnelDielectric`, 4th ed. sec. 9.3.5.
     """
 
+    __repr__ = values_shown
+
     eta: Array = eqx.field(converter=index_named("eta"))
     eta_outside: Array = eqx.field(converter=index_named("eta_outside"), default=1.0)
 
@@ -70,6 +73,8 @@ class FresnelConductor(eqx.Module):
     medium around it. Accuracy and derivatives as `interface.reflectance`.
     Source: PBRT 3rd ed. `FresnelConductor`, 4th ed. sec. 9.3.6.
     """
+
+    __repr__ = values_shown
 
     eta: Array = eqx.field(converter=float_named("eta"))
     k: Array = eqx.field(converter=extinction)
@@ -97,6 +102,8 @@ class FresnelStack(eqx.Module):
     ValueError, as that raises it, for an index, a thickness or a wavelength that it refuses.
     Source: `layers.stack`.
     """
+
+    __repr__ = values_shown
 
     index: Array = eqx.field(converter=functools.partial(with_leading_axis, name="index", least=2))
     thickness_um: Array = eqx.field(converter=float_checked("thickness_um", check_length))
@@ -130,6 +137,8 @@ class FresnelFilm(eqx.Module):
     Source: `layers.stack`, `colour`; L. Belcour and P. Barla 2017, doi:10.1145/3072959.3073620.
     """
 
+    __repr__ = values_shown
+
     spectrum: FresnelStack
 
     def __init__(self, film, thickness_um: ArrayLike, substrate, outside=1.0, exact: bool = True):
@@ -152,6 +161,8 @@ class FresnelFilm(eqx.Module):
 
 class FresnelNone(eqx.Module):
     """No Fresnel effect: everything is reflected. Source: PBRT 3rd ed. `FresnelNoOp`."""
+
+    __repr__ = values_shown
 
     def __call__(self, cos_theta: ArrayLike) -> Array:
         """1 for every `cos_theta`, shape (...)."""

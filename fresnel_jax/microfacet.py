@@ -31,7 +31,7 @@ import jax.numpy as jnp
 from jax.scipy.special import erf, erfc
 from jaxtyping import Array, ArrayLike, Float
 
-from ._numerics.arguments import float_checked, lossless_index, not_negative
+from ._numerics.arguments import float_checked, lossless_index, not_negative, values_shown
 from ._numerics.arithmetic import one_if_zero, positive_sqrt, sine_cosine
 from ._numerics.fences import computed_once
 from ._numerics.vectors import Vector, add, components, dot, normalize, once, scale, select, stack
@@ -144,6 +144,8 @@ class TrowbridgeReitz(eqx.Module):
     surface is `effectively_smooth`, and the models of `bsdf` treat it as a mirror.
     Source: Trowbridge and Reitz 1975, doi:10.1364/JOSA.65.000531; PBRT 4th ed. sec. 9.6.
     """
+
+    __repr__ = values_shown
 
     alpha_x: Array
     alpha_y: Array

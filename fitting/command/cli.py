@@ -409,6 +409,7 @@ def _run(arguments: argparse.Namespace) -> int:
     """Fit all files together, and report and write the result."""
     import numpy as np
 
+    from fitting.data.drawing import check_matplotlib
     from fitting.data.measurement import told_apart
     from fitting.measured_file import read_csv
     from fitting.output import export, files, pictures
@@ -418,7 +419,7 @@ def _run(arguments: argparse.Namespace) -> int:
         if arguments.plot:
             pictures.check_picture(arguments.plot)
         if arguments.report:
-            pictures.check_matplotlib("--report")
+            check_matplotlib("--report")
         read = _given(arguments, _READING)
         measurements = told_apart(
             [read_csv(file, **read) for file in arguments.file], arguments.file

@@ -8,6 +8,9 @@ fractions; psi and Delta are degrees in the ellipsometer's convention
 
 from __future__ import annotations
 
+import html
+import importlib
+import importlib.util
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,11 +20,13 @@ import numpy as np
 from fitting.data import units
 from fitting.data.checks import Data, checked, unmasked
 from fitting.data.errors import MeasurementError as MeasurementError
-from fitting.data.errors import named, refuse
+from fitting.data.errors import MissingExtra, named, refuse
 from fitting.data.quantities import QUANTITIES as QUANTITIES
 from fitting.data.quantities import are_powers
 from fitting.process.visible import visible
 
+# How many rows of a measurement a notebook shows.
+_ROWS = 10
 # Where what is no quantity belongs, by the first part of its name.
 _PLACES = {
     "wavelength": " (wavelengths are wavelength_um, their unit is wavelength_unit)",
@@ -61,6 +66,37 @@ class Measurement:
 
     def __repr__(self) -> str:
         return f"Measurement({self.source}: {self.understood})"
+
+    def _repr_html_(self) -> str:
+        """Return how it was read, and its first rows, as HTML for a cell of a notebook."""
+        read = html.escape(visible(f"{self.source}: {self.understood}"))
+        names, shown = [*self.columns()], min(len(self), _ROWS)
+        rows = zip(*(column[:shown] for column in self.columns().values()), strict=True)
+        cells = "".join(
+            "<tr>" + "".join(f"<td>{_cell(x)}</td>" for x in row) + "</tr>" for row in rows
+        )
+        head = "".join(f"<th>{name}</th>" for name in names)
+        more = f"<p>{len(self) - shown} more rows</p>" * (len(self) > shown)
+        return f"<p>{read}</p><table><tr>{head}</tr>{cells}</table>{more}"
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return the arrays (N,) by name, but for those without a value."""
+        names = ("angle_deg", "wavelength_um", "quantity", "value", "sigma", "polarizer_deg")
+        each = {name: getattr(self, name) for name in names}
+        return {n: a for n, a in each.items() if n == "quantity" or not np.isnan(a).all()}
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas DataFrame: a row for each datum, in the units of the attributes."""
+        if importlib.util.find_spec("pandas") is None:
+            raise MissingExtra("to_dataframe", "pandas", "dataframe")
+        pandas: Any = importlib.import_module("pandas")
+        return pandas.DataFrame(self.columns())
+
+    def plot(self) -> Any:
+        """Return a matplotlib Figure of the data over the wavelength or the angle."""
+        from fitting.data.drawing import draw_measurement
+
+        return draw_measurement(self)
 
     def __len__(self) -> int:
         """Return the number of values."""
@@ -137,6 +173,10 @@ class Measurement:
         from fitting import read_csv
 
         return read_csv(table, **options)
+
+
+def _cell(value: Any) -> str:
+    return value if isinstance(value, str) else "" if np.isnan(value) else f"{value:.6g}"
 
 
 def _arrays(m: Measurement) -> tuple[np.ndarray, ...]:

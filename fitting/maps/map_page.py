@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from fitting.data.drawing import GREY, check_matplotlib, style
 from fitting.data.measurement import Measurement
 from fitting.maps.cube import Cube
 from fitting.maps.map_fit import fit_pixels
 from fitting.maps.map_start import usable
 from fitting.maps.map_store import CODES, MASKED, PENDING, STATUSES, MapStore
 from fitting.output.page import document, element, figure, html_table
-from fitting.output.pictures import GREY, check_matplotlib, picture_bytes, style
+from fitting.output.pictures import picture_bytes
 from fitting.predictions import predict
 from fitting.results.result_parts import CONVERGED
 

@@ -300,7 +300,7 @@ def _on_parameters(
             "others": those(
                 names, bound[..., None] & others & np.isfinite(sigma) & (name != covered)
             ),
-            "profile": profile[..., others].any(-1),
+            "profile": profile[..., others].any(-1), "alone": not ok.ndim,
         }  # fmt: skip
         near_zero = ok & limited[..., i]
         yield "compatible_with_zero", near_zero, {**values, "limit": known[name].upper_limit}
@@ -359,10 +359,13 @@ def findings_of_all(
     # A bare surface is searched from a mesh of indices.
     own_starts = not found.shape and not (found.sample is not None and found.sample.by_wavelength)
     more = 4 * found.starts * own_starts
+    as_it_is = not found.shape and not any(_bare(name) in INSTRUMENT for name in known)
+    measured = tuple(found.rms_of) if as_it_is and found.sample is not None else ()
     few = ok & (np.asarray(found.n_data) < len(known)) & (status == UNDETERMINED)
     chi2 = {
         "chi2_reduced": reduced, "factor": np.sqrt(reduced),
         "errors": taken if stated else "scaled", "robust": found.loss != "squares",
+        "own": found.sample is None, "measured": measured,
     }  # fmt: skip
     told: list[tuple[Any, ...]] = [
         ("not_converged", failed & np.logical_not(missed), {"more": more}),
@@ -384,9 +387,7 @@ def findings_of_all(
     sample = found.sample
     if sample is not None:
         what = "one bare surface" if sample.bare else "this stack" if sample.films else "this plate"
-        as_it_is = not found.shape and not any(_bare(name) in INSTRUMENT for name in known)
-        far = {"rms": found.rms, "sample": what, "noise": noise}
-        far["measured"] = tuple(found.rms_of) if as_it_is else ()
+        far = {"rms": found.rms, "sample": what, "noise": noise, "measured": measured}
         told.append(("does_not_describe", ok & ((rms > OUT_OF_MODEL) | np.isfinite(noise)), far))
         told.append(("quadratic_misleads", ok & _turned(found), {}))
     seen = np.any([np.isfinite(e.sigma) for e in known.values()], axis=0)

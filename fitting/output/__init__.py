@@ -1,1 +1,1 @@
-"""Tables, pictures, pages and files of a result, and progress bars."""
+"""Tables, pictures, pages and files of a result."""

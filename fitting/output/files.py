@@ -10,9 +10,10 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from fitting.data.drawing import check_matplotlib
 from fitting.output.export import data_csv, index_csv, json_text, material_of
 from fitting.output.page import fit_page
-from fitting.output.pictures import check_matplotlib, draw, picture_bytes
+from fitting.output.pictures import draw, picture_bytes
 from fitting.output.summary import index_waves
 from fitting.process.progress import tell
 from fitting.results.result import FitData
@@ -233,10 +234,12 @@ def write_files(
         decimal: decimal mark of the tables; with "," their cells are separated by semicolons.
     """
     png, contents = b"", {}
-    for what, path, asked, medium, _ in files:
+    for what, path, asked, medium, in_report in files:
         tell(asked)
         if what == "plot":
-            content = png = picture_bytes(draw(fit, reference), path.suffix)
+            # the page of a report has the warnings beside its picture
+            drawn = draw(fit, reference, warnings=not in_report)
+            content = png = picture_bytes(drawn, path.suffix)
         elif what == "page":
             content = fit_page(fit, png, command, choice)
         elif what == "json":

@@ -36,7 +36,11 @@ _STATES = {
 
 def number(value: float, digits: int = 4) -> str:
     """Return ``value`` with that many significant digits, trailing zeros kept; "-" for NaN."""
-    return "-" if math.isnan(value) else f"{value:#.{digits}g}".removesuffix(".")
+    if math.isnan(value):
+        return "-"
+    text = f"{value:#.{digits}g}"
+    # 6400 is shorter than 6.40e+03, and easier to read
+    return f"{float(text):.0f}" if "e+0" in text and abs(value) < 1e6 else text.removesuffix(".")
 
 
 def size_text(value: float, digits: int = 3) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 from fitting.output.export import WRITTEN_BY, data_columns
 from fitting.output.summary import (
+    Facts,
     batch_rows,
     by_wavelength,
     facts,
@@ -78,15 +79,27 @@ def figure(caption: str, png: bytes) -> str:
     return f"<figure><img {source}>{element('figcaption', caption)}</figure>"
 
 
-def _opening(fit: FitData, choice: Comparison | None, level: str) -> str:
-    """Return the title, facts, warnings and notes."""
-    rows = [*heading(fit), *facts(fit)]
-    listed = [element("dt", label) + element("dd", text) for label, text in rows]
+def _listed(rows: Facts) -> str:
+    """Return a list of labels and texts."""
+    each = [element("dt", label) + element("dd", text) for label, text in rows]
+    return "\n".join(["<dl>", *each, "</dl>"])
+
+
+def _parts(fit: FitData, choice: Comparison | None, png: bytes, level: int) -> list[str]:
+    """Return title, result, picture, warnings and notes, and last what was read and fitted."""
+    below = f"h{level + 1}"
     told = [("warning", f"{label.capitalize()}: {text}") for label, text in warnings_of(fit)]
     reasons = [] if choice is None else choice.reasons
     told += [("note", f"Note: {note.text}") for note in [*reasons, *fit.notes]]
     paragraphs = [element("p", text, f" class={kind}") for kind, text in told]
-    return "\n".join([element(level, title_of(fit)), "<dl>", *listed, "</dl>", *paragraphs])
+    caption = "Data and fitted curves with one standard error, and data - fit."
+    data = fit.measurement is not None
+    picture = [figure(caption if data else "The fitted parameters of the batch.", png)]
+    table, result = _main(fit, below), _listed(facts(fit))
+    # the table of a batch is too long to stand above the picture
+    first, last = ([], [table]) if fit.shape else ([table], [])
+    head = [element(f"h{level}", title_of(fit)), *first, result, *(picture if png else [])]
+    return [*head, *paragraphs, *last, _listed(heading(fit))]
 
 
 def document(title: str, parts: Iterable[str], foot: str) -> str:
@@ -119,26 +132,21 @@ def fit_page(fit: FitData, png: bytes, command: str = "", choice: Comparison | N
     png: the picture. command: the command line that made the fit, for the foot of the page.
     choice: what `choose` compared, if a model was chosen.
     """
-    data = fit.measurement is not None
-    caption = "Data and fitted curves with one standard error, and data - fit."
-    picture = [figure(caption if data else "The fitted parameters of the batch.", png)]
-    picture = picture if png else []
-    # the table of a batch is too long to stand above the picture
-    parts = [*picture, _main(fit)] if fit.shape else [_main(fit), *picture]
+    parts = _parts(fit, choice, png, 1)
     if choice is not None:
         parts.append(html_table("Models compared", choice.table()))
     if rows := index_rows(fit):
         parts.append(html_table("Index over wavelength", [["wavelength_um", "eta", "k"], *rows]))
-    if data:
+    if fit.measurement is not None:
         columns = data_columns(fit)
         rows = [list(map(_cell, row)) for row in zip(*columns.values(), strict=True)]
         title = "Data (powers as fractions, angles in degrees)"
         parts.append(html_table(title, [list(columns), *rows]))
-    return document(title_of(fit), [_opening(fit, choice, "h1"), *parts], command)
+    return document(title_of(fit), parts, command)
 
 
-def notebook(fit: FitData) -> str:
-    """Return facts, warnings and parameters as HTML for a cell, whose style affects no other."""
+def notebook(fit: FitData, png: bytes = b"") -> str:
+    """Return the result and its picture as HTML for a cell, whose style affects no other."""
     style = re.sub(r"(?m)^(?=[a-z.])", ".fresnel-fit ", _STYLE)
-    parts = [f"<style>{style}</style>", "<div class=fresnel-fit>", _opening(fit, None, "h3")]
-    return "\n".join([*parts, _main(fit, "h4"), "</div>"]) + "\n"
+    parts = [f"<style>{style}</style>", "<div class=fresnel-fit>", *_parts(fit, None, png, 3)]
+    return "\n".join([*parts, "</div>"]) + "\n"

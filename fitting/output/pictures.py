@@ -5,19 +5,35 @@ Needs matplotlib (the extra ``plot``), which is imported when a picture is drawn
 
 from __future__ import annotations
 
-import importlib.util
 import io
-import math
 import textwrap
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.data.errors import MissingExtra
+from fitting.data.drawing import (
+    GREY,
+    MANY,
+    Line,
+    Panel,
+    axis_of,
+    check_matplotlib,
+    finish_panel,
+    finish_x,
+    lines_of,
+    over_wavelength,
+    panels_of,
+    places_of,
+    plain_title,
+    points,
+    span_of,
+    style,
+)
 from fitting.data.measurement import Measurement
-from fitting.data.quantities import ANGLES, POWERS, TABLE
+from fitting.data.quantities import ANGLES
 from fitting.output.export import has_several_curves
 from fitting.output.numbers import number, size_text, value_text, with_unit
 from fitting.output.summary import (
@@ -43,7 +59,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = (".png", ".pdf", ".svg")
-GREY, DARK = "#595959", "#333333"
+DARK = "#333333"
 ETA_COLOR, K_COLOR, WARNING_COLOR = "#0072B2", "#D55E00", "#A84300"
 # Who wrote it. The time of writing is left out, so that two pictures of one fit are the same file.
 _PROPERTIES: dict[str, dict[str, Any]] = {
@@ -53,12 +69,8 @@ _PROPERTIES: dict[str, dict[str, Any]] = {
 }
 # How many warnings stand below a picture, and how many letters of each.
 _WARNINGS, _LETTERS = 3, 240
-# Beyond this many points a line marks run together and are drawn small.
-MANY = 60
 # Number of points of a drawn curve over the angle, over the wavelength, and of eta and k.
 _ANGLES, _WAVES, _FINE = 361, 301, 300
-# With more angles than that a legend gives their range.
-_LINES = 7
 # A curve drawn between the data must agree with the fitted values at the data to this accuracy.
 _SAME = 1e-6
 # The axis of k is logarithmic if the largest k is more than _DECADES times the median one (of a
@@ -66,39 +78,10 @@ _SAME = 1e-6
 _DECADES, _SEEN = 30.0, 1e-6
 # How many parameters of a batch are drawn.
 _PARAMETERS = 4
-PANELS = ("power", *(name for name in TABLE if name not in POWERS))
-# Colour, marker, and whether it is hollow.
-Look = tuple[str, str, bool]
-
-
-class Line(NamedTuple):
-    """Data that one curve runs through.
-
-    rows: of the measurement, in the order of x. kind: one of `PANELS`. label: for the legend; ""
-    for none.
-    """
-
-    rows: np.ndarray
-    kind: str
-    look: Look
-    label: str
-
-
+# How the curves of further fits are drawn.
+_OTHERS = (("--", "#333333"), (":", "#AA3377"), ("-.", "#228833"))
 # A fitted curve: x, value and standard error, (A,) each.
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
-
-
-def style() -> Any:
-    """Return the context in which pictures are drawn and written."""
-    from matplotlib import style
-
-    return style.context(Path(__file__).with_name("fresnel_fit.mplstyle"), after_reset=True)
-
-
-def check_matplotlib(asked: str) -> None:
-    """Raise ImportError where matplotlib, which ``asked`` needs, is not installed."""
-    if importlib.util.find_spec("matplotlib") is None:
-        raise MissingExtra(asked, "matplotlib", "plot")
 
 
 def check_picture(path: str) -> None:
@@ -126,31 +109,6 @@ def _symbol(name: str) -> str:
     return f"${index[name]}$" if name in index else name
 
 
-def _plain_title(text: str) -> str:
-    """Return ``text`` as a title of one line; the middle of a long text is left out."""
-    if len(text) > 78:
-        text = f"{text[:37]} ... {text[-36:]}"
-    return text.replace("$", r"\$")
-
-
-def _points(
-    axes: Axes, x: Any, y: Any, sigma: Any, look: tuple[str, str, bool], label: str
-) -> None:
-    """Draw data with one-sigma bars where there is a sigma; many of them as small dots."""
-    color, marker, hollow = look
-    sigma = np.asarray(sigma)
-    error = np.where(np.isfinite(sigma), sigma, 0.0) if np.isfinite(sigma).any() else None
-    many = len(x) > MANY
-    axes.errorbar(
-        x, y, yerr=error, fmt=marker, color=color, label=label,
-        markersize=(3.2 if hollow else 2.4) if many else 5.5,
-        markerfacecolor="none" if hollow else color,
-        markeredgecolor=color if hollow else "white",
-        markeredgewidth=(0.6 if hollow else 0.0) if many else (1.0 if hollow else 0.6),
-        elinewidth=0.7 if many else 1.4, capsize=0.0, zorder=3,
-    )  # fmt: skip
-
-
 def _band(axes: Axes, x: Any, value: Any, sigma: Any, color: str, least: float = -np.inf) -> None:
     """Draw a one-sigma band, where it is known, no lower than ``least``."""
     if np.isfinite(value - sigma).any():
@@ -158,79 +116,20 @@ def _band(axes: Axes, x: Any, value: Any, sigma: Any, color: str, least: float =
         axes.fill_between(x, low, high, color=color, alpha=0.22, linewidth=0, zorder=1)
 
 
-def over_wavelength(m: Measurement) -> bool:
-    """Whether there is more than one wavelength, and the picture is drawn over it."""
-    return len(np.unique(m.wavelength_um[np.isfinite(m.wavelength_um)])) > 1
-
-
-def _axis(m: Measurement) -> np.ndarray:
-    return m.wavelength_um if over_wavelength(m) else m.angle_deg
-
-
-def _look(quantity: str, polarizer: float, place: int) -> tuple[Look, str]:
-    """Return how a kind of datum is drawn, and its label; ``place``: of so many of its quantity."""
-    color, marker, hollow, label = TABLE[quantity][3:7]
-    if polarizer >= 0.0:
-        from matplotlib import colormaps
-        from matplotlib.colors import to_hex
-
-        color, marker = to_hex(colormaps["cividis"](polarizer / 90.0)), "P"
-        label = rf"{label or quantity}, polarizer at {polarizer:g}$\degree$"
-    if place:  # a second file with the same quantity
-        other = TABLE[POWERS[(place + 2) % len(POWERS)]]
-        color, marker = other.color, other.marker
-    return (color, marker, hollow), label or quantity
-
-
-def _lines_of(fit: FitData, m: Measurement) -> list[Line]:
-    """Return what is drawn as one line each: a quantity, over the wavelength at one angle."""
-    from matplotlib.colors import to_hex, to_rgb
-
-    waves, several, out = over_wavelength(m), has_several_curves(fit), []
-    curve = np.zeros(len(m), int) if fit.curve is None else np.asarray(fit.curve)
-    polarizers = np.nan_to_num(m.polarizer_deg, nan=-1.0)
-    kinds = dict.fromkeys(
-        zip(curve.tolist(), m.quantity.tolist(), polarizers.tolist(), strict=True)
-    )
-    seen: dict[str, int] = {}
-    for number_of, quantity, polarizer in kinds:
-        of = (curve == number_of) & (m.quantity == quantity) & (polarizers == polarizer)
-        name = visible(fit.curve_names[number_of].replace("NCS", quantity)) if several else ""
-        look, label = _look(quantity, polarizer, seen.get(quantity, 0) if name else 0)
-        seen[quantity] = seen.get(quantity, 0) + 1
-        label = f"{label} {name}".replace("$ ", "$, ") if name else label
-        angles = np.unique(m.angle_deg[of]).tolist() if waves else [math.nan]
-        last = len(angles) - 1
-        for i, angle in enumerate(angles):
-            rows = np.flatnonzero(of & (m.angle_deg == angle) if waves else of)
-            rows = rows[np.argsort(_axis(m)[rows], kind="stable")]
-            shade, text = look[0], label
-            if i < last:  # paler for a small angle
-                paler = 1.0 - (1.0 - np.array(to_rgb(look[0]))) * (0.4 + 0.6 * i / last)
-                shade = to_hex(paler.tolist())  # pyright: ignore[reportArgumentType]
-            if waves and len(angles) > _LINES:
-                text = f"{label}, {angles[0]:g} to {angles[-1]:g}$\\degree$\n(darker: larger)"
-                text = text if i == last else ""
-            elif waves and (last or angle > 0.0):
-                text = rf"{label}, {angle:g}$\degree$"
-            kind = quantity if quantity in PANELS else "power"
-            out.append(Line(rows, kind, (shade, *look[1:]), text))
-    return out
-
-
 def _curves_of(
-    fit: FitData, m: Measurement, lines: list[Line], low: float, high: float
+    fit: FitData, m: Measurement, lines: list[Line], low: float, high: float, own: bool = True
 ) -> list[Curve]:
-    """Return the fitted curve of each line from ``low`` to ``high``.
+    """Return the fitted curve of each line from ``low`` to ``high``; ``own``: of its own data.
 
     At the data themselves where nothing is known in between (an index that is free at every
     wavelength), and where a curve in between is not that of these data: of a second file with a
     scale of its own.
     """
-    at_data, spectrum, axis = predict(fit), over_wavelength(m), _axis(m)
-    own = [(axis[li.rows], at_data.value[li.rows], at_data.sigma[li.rows]) for li in lines]
+    at_data = predict(fit, None if own else m)
+    spectrum, axis = over_wavelength(m), axis_of(m)
+    at_rows = [(axis[li.rows], at_data.value[li.rows], at_data.sigma[li.rows]) for li in lines]
     if (spectrum and fit.shape) or not np.isfinite(at_data.value).any():
-        return own
+        return at_rows
     x = np.linspace(low, high, _WAVES if spectrum else _ANGLES)
     # One question for all lines: fewer programs are compiled.
     asked = [np.concatenate([x, axis[line.rows]]) for line in lines]
@@ -238,11 +137,13 @@ def _curves_of(
     over = {"wavelength_um" if spectrum else "angle_deg": np.concatenate(asked)}
     found = predict(fit, replace(m.where(rows), **over))
     ends = np.cumsum([len(one) for one in asked])[:-1]
-    each = zip(lines, own, np.split(found.value, ends), np.split(found.sigma, ends), strict=True)
+    each = zip(
+        lines, at_rows, np.split(found.value, ends), np.split(found.sigma, ends), strict=True
+    )
     out = []
     for line, mine, value, sigma in each:
         off = np.abs(value[len(x) :] - mine[1])
-        off = np.minimum(off, 360.0 - off) if line.kind == "delta" else off
+        off = np.minimum(off, 360.0 - off) if line.panel[0] == "delta" else off
         same = np.nanmax(off, initial=0.0) <= _SAME * max(1.0, np.nanmax(np.abs(mine[1])))
         out.append((x, value[: len(x)], sigma[: len(x)]) if same else mine)
     return out
@@ -255,14 +156,14 @@ def _draw_line(
 
     residual: (N,), of every datum. Returns whether there is a band.
     """
-    x, measured, sigma = (column[line.rows] for column in (_axis(m), m.value, m.sigma))
-    _points(panels[0], x, measured, sigma, line.look, line.label)
-    _points(panels[1], x, residual[line.rows], sigma, line.look, "")
+    x, measured, sigma = (column[line.rows] for column in (axis_of(m), m.value, m.sigma))
+    points(panels[0], x, measured, sigma, line.look, line.label)
+    points(panels[1], x, residual[line.rows], sigma, line.look, "")
     at, value, error = curve
     if np.isnan(value).all():
         return False
     if (
-        line.kind == "delta"
+        line.panel[0] == "delta"
     ):  # from 0 to 360 or -180 to 180, as measured; broken where it goes round
         value = (value + 180.0) % 360.0 - 180.0 if (measured < 0.0).any() else value % 360.0
         value = np.where(np.abs(np.diff(value, prepend=value[:1])) > 180.0, np.nan, value)
@@ -272,35 +173,26 @@ def _draw_line(
     return bool(np.isfinite(error).any())
 
 
-def _span(m: Measurement) -> tuple[float, float]:
-    """Return the wavelengths; or 0 to 90 degrees, less if the angles span less than 45."""
-    if over_wavelength(m):
-        return float(np.nanmin(m.wavelength_um)), float(np.nanmax(m.wavelength_um))
-    low, high = float(m.angle_deg.min()), float(m.angle_deg.max())
-    if high - low >= 45.0:
-        return 0.0, 90.0
-    margin = max(0.15 * (high - low), 2.0)
-    return max(low - margin, 0.0), min(high + margin, 90.0)
+def _panels(
+    figure: Figure, panels: list[Panel], index: int
+) -> tuple[dict[Panel, tuple[Axes, Axes]], list[Axes]]:
+    """Return for each panel the axes of data and of residuals; and those of the index below them.
 
-
-def _panels(figure: Figure, kinds: list[str], spectrum: bool) -> tuple[Any, tuple[Any, Any] | None]:
-    """Return for each kind of quantity the axes of data and of residuals; and those of eta and k.
-
-    One kind: all below each other. More: one column each, eta and k below the first two.
+    index: how many there are of the index, below each other in one column, else side by side.
     """
-    n = len(kinds)
-    if n == 1:
-        size = (8.2, 10.0) if spectrum else (7.4, 6.2)
-        ratios = (3.0, 1.0, 2.0, 2.0) if spectrum else (3.2, 1.0)
-    else:
-        size = (6.2 * n, 8.6 if spectrum else 6.0)
-        ratios = (3.0, 1.0, 2.4) if spectrum else (3.0, 1.0)
-    figure.set_size_inches(size)
-    axes = figure.subplots(len(ratios), n, sharex=True, height_ratios=ratios, squeeze=False)
-    for extra in axes[2:, 2:].flat:
-        extra.set_visible(False)
-    index = (axes[2, 0], axes[3, 0] if n == 1 else axes[2, 1]) if spectrum else None
-    return dict(zip(kinds, axes[:2].T, strict=True)), index
+    places = places_of(panels)
+    rows, columns = (max(place) + 1 for place in zip(*places.values(), strict=True))
+    below = index if columns == 1 else min(index, 1)
+    heights = [3.0, 1.0] * rows + [2.0 if columns == 1 else 2.4] * below
+    width = 6.2 * columns if columns > 1 else 8.2 if index else 7.4
+    figure.set_size_inches(width, 2.2 + 1.0 * sum(heights) if index else 2.0 + sum(heights))
+    axes = figure.subplots(len(heights), columns, sharex=True, height_ratios=heights, squeeze=False)
+    pairs = {panel: (axes[2 * r, c], axes[2 * r + 1, c]) for panel, (r, c) in places.items()}
+    further = [axes[2 * rows + i, 0] if columns == 1 else axes[2 * rows, i] for i in range(index)]
+    used = {*(one for pair in pairs.values() for one in pair), *further}
+    for one in {*axes.flat} - used:
+        one.remove()
+    return pairs, further
 
 
 def _legend(axes: Axes, banded: bool, outside: bool, few: bool) -> None:
@@ -320,44 +212,50 @@ def _legend(axes: Axes, banded: bool, outside: bool, few: bool) -> None:
     axes.legend([*handles, fit], labels, handlelength=1.6, markerscale=scale, **place)
 
 
+def _has_k(fit: FitData) -> bool:
+    """Whether there is a k to be drawn: one above 0, or its upper limit."""
+    k, e = np.asarray(fit.k), fit.parameters.get("k")
+    return bool((np.nan_to_num(k) > 0.0).any() or (e and np.isfinite(e.upper_limit).any()))
+
+
 def _draw_data(
-    figure: Figure, fit: FitData, m: Measurement, with_index: bool, reference: str | None
-) -> Axes:
-    lines = _lines_of(fit, m)
-    kinds = [kind for kind in PANELS if any(line.kind == kind for line in lines)]
+    figure: Figure, fit: FitData, m: Measurement, with_index: bool, reference: str | None,
+    others: Sequence[FitData],
+) -> Axes:  # fmt: skip
+    several = has_several_curves(fit)
+    lines = lines_of(m, fit.curve, fit.curve_names if several else ())
     spectrum = over_wavelength(m)
-    pairs, index = _panels(figure, kinds, with_index)
-    low, high = _span(m)
+    with_k = with_index and (reference is not None or any(map(_has_k, (fit, *others))))
+    pairs, index = _panels(figure, panels_of(lines), int(with_index) + int(with_k))
+    low, high = span_of(m)
     curves = _curves_of(fit, m, lines, low, high)
+    further = [_curves_of(other, m, lines, low, high, own=False) for other in others]
     residual = residuals(m, fit.fitted)
-    for kind, (top, bottom) in pairs.items():
-        of = [one for one in zip(lines, curves, strict=True) if one[0].kind == kind]
-        banded = [_draw_line((top, bottom), m, residual, line, curve) for line, curve in of]
-        few = all(len(line.rows) <= MANY for line, _ in of)
-        _legend(top, any(banded), spectrum and len(kinds) == 1, few)
-        top.set_ylabel(TABLE[kind].axis if kind in TABLE else "")
-        if kind == "power":
-            names = dict.fromkeys(TABLE[name].axis for name in POWERS if name in m.quantity)
-            top.set_ylabel(", ".join(names))
-            y_low, y_high = top.get_ylim()
-            top.set_ylim(max(y_low, -0.02), min(y_high, 1.02))
+    for panel, (top, bottom) in pairs.items():
+        of = [i for i, line in enumerate(lines) if line.panel == panel]
+        banded = [_draw_line((top, bottom), m, residual, lines[i], curves[i]) for i in of]
+        for j, other in enumerate(others):
+            for i in of:
+                x, value, _ = further[j][i]
+                label = plain_title(str(other.sample)) if i == of[0] else ""
+                top.plot(x, value, _OTHERS[j % 3][0], color=_OTHERS[j % 3][1], label=label)
+        few = all(len(lines[i].rows) <= MANY for i in of)
+        _legend(top, any(banded), spectrum and len(pairs) == 1 and len(of) > 3, few)
+        finish_panel(top, panel[0], m.quantity)
         bottom.axhline(0.0, color=GREY, linewidth=1.0, zorder=2)
         # Below 1e-4 there is nothing to see in a reflectance but rounding.
         far = max(1.05 * max(abs(limit) for limit in bottom.get_ylim()), 1e-4)
         bottom.set_ylim(-far, far)
-        bottom.set_ylabel("data \u2212 fit" + r" ($\degree$)" * (kind in ANGLES))
-    lowest = [bottom for _, bottom in pairs.values()]
-    if not spectrum:
-        lowest[0].set_xlim(low, high)  # and so all others
-        if high - low == 90.0:
-            lowest[0].set_xticks(range(0, 91, 15))
-    if index is not None:
-        _draw_index(*index, fit, reference)
-        lowest = [*index, *lowest[2:]] if len(kinds) > 1 else [index[1]]
-    for axes in lowest:
-        axes.set_xlabel("wavelength (\u00b5m)" if spectrum else "angle of incidence (degrees)")
-        axes.tick_params(labelbottom=True)
-    return pairs[kinds[0]][0]
+        bottom.set_ylabel("data \u2212 fit" + r" ($\degree$)" * (panel[0] in ANGLES))
+    if index:
+        _draw_index(index, fit, reference, others)
+    # the lowest axes of each column
+    columns: dict[float, Axes] = {}
+    for axes in (*(bottom for _, bottom in pairs.values()), *index):
+        columns[axes.get_subplotspec().colspan.start] = axes  # pyright: ignore
+    for axes in columns.values():
+        finish_x(axes, m)
+    return next(iter(pairs.values()))[0]
 
 
 def _each(axes: Axes, fit: FitData, name: str, color: str, x: np.ndarray, mark: str) -> np.ndarray:
@@ -376,7 +274,7 @@ def _each(axes: Axes, fit: FitData, name: str, color: str, x: np.ndarray, mark: 
         axes.plot(x, gap, mark, markersize=2.0, color=color, zorder=3, rasterized=mark == ".")
         _band(axes, x, gap, sigma, color, 0.0 if name == "k" else -np.inf)
     elif known.any():
-        _points(axes, x[known], value[known], sigma[known], (color, "o", False), "")
+        points(axes, x[known], value[known], sigma[known], (color, "o", False), "")
     bare, limited = good & ~known, good & np.isfinite(limit)
     look: Any = {"markerfacecolor": "white", "zorder": 3}
     if bare.any():
@@ -413,33 +311,44 @@ def _scale_of_k(axes: Axes, k: np.ndarray) -> None:
         axes.set_ylim(-0.04 * high, high)  # from 0, with room for the points that lie there
 
 
-def _draw_index(first: Axes, second: Axes, fit: FitData, reference: str | None) -> None:
-    """Draw eta and k over wavelength with their errors and limits, each in a panel of its own.
+def _draw_index(
+    panels: Sequence[Axes], fit: FitData, reference: str | None, others: Sequence[FitData]
+) -> None:
+    """Draw eta, and k if there are two panels, over wavelength with their errors and limits.
 
     A tick marks a wavelength at which the data do not determine them. reference: a named material,
     whose eta and k are drawn for comparison; None for none.
     """
     known = index_waves(fit)
     fine = np.linspace(known.min(), known.max(), _FINE)
-    if fit.shape:
-        x = np.asarray(fit.wavelength_um)
-        _each(first, fit, "eta", ETA_COLOR, x, "-")
-        k = _each(second, fit, "k", K_COLOR, x, "-")
-    else:
-        found = fit.index(fine)
-        k = found.k
-        first.plot(fine, found.eta, color=ETA_COLOR)
-        _band(first, fine, found.eta, found.sigma_eta, ETA_COLOR)
-        second.plot(fine, k, color=K_COLOR)
-        _band(second, fine, k, found.sigma_k, K_COLOR, 0.0)
+    lines: list[tuple[Any, str, dict[str, Any]]] = [
+        (
+            (fine, *other.index(fine)[1::2]) if not other.shape else
+            (other.wavelength_um, other.eta, other.k),
+            "", {"linestyle": _OTHERS[j % 3][0], "color": _OTHERS[j % 3][1]},
+        )
+        for j, other in enumerate(others)
+    ]  # fmt: skip
     if reference:
-        at, eta, other = reference_index(reference, fine)
-        look: dict[str, Any] = {"color": GREY, "linewidth": 1.2, "linestyle": "--"}
-        first.plot(at, eta, label=f"{reference} (reference)", **look)
-        second.plot(at, other, **look)
-        k = np.concatenate([k, other])
-    _scale_of_k(second, k)
-    for axes, name in ((first, "eta"), (second, "k")):
+        look = {"color": GREY, "linewidth": 1.2, "linestyle": "--"}
+        lines.append((reference_index(reference, fine), f"{reference} (reference)", look))
+    found = None if fit.shape else fit.index(fine)
+    for i, (axes, name, color) in enumerate(
+        zip(panels, ("eta", "k"), (ETA_COLOR, K_COLOR), strict=False)
+    ):
+        least = 0.0 if name == "k" else -np.inf
+        if found is None:
+            values = [_each(axes, fit, name, color, np.asarray(fit.wavelength_um), "-")]
+        else:
+            value = getattr(found, name)
+            values = [value]
+            axes.plot(fine, value, color=color)
+            _band(axes, fine, value, getattr(found, f"sigma_{name}"), color, least)
+        for columns, label, look in lines:
+            axes.plot(columns[0], columns[1 + i], label=label, **look)
+            values.append(np.ravel(columns[1 + i]))
+        if name == "k":
+            _scale_of_k(axes, np.concatenate(values))
         axes.set_ylabel(_symbol(shown_name(fit, name)))
         if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="best")
@@ -473,7 +382,7 @@ def _draw_batch(figure: Figure, fit: FitData) -> Axes:
 
 def _subtitle(fit: FitData) -> str:
     """Return in one line what was found."""
-    sample = _plain_title(str(fit.sample or "your own residual function"))
+    sample = plain_title(str(fit.sample or "your own residual function"))
     if fit.shape or fit.status != CONVERGED:
         return f"{sample}, {status_of(fit)}"
     parts = [] if len(fit.names) <= 2 else [sample]
@@ -485,17 +394,18 @@ def _subtitle(fit: FitData) -> str:
     return "     ".join([*parts, f"rms = {size_text(fit.rms, 2)}"])
 
 
-def _titles(figure: Figure, axes: Axes, fit: FitData, reference: str) -> None:
+def _titles(figure: Figure, axes: Axes, fit: FitData, reference: str, warnings: bool) -> None:
     """Write what was fitted and found above ``axes``, and the warnings below the figure.
 
-    reference: text about a reference material, which stands below too; "" for none.
+    warnings: whether; not where they stand beside it. reference: text about a reference material,
+    which stands below too; "" for none.
     """
-    axes.set_title(_plain_title(title_of(fit)), fontweight="bold", pad=28)
+    axes.set_title(plain_title(title_of(fit)), fontweight="bold", pad=28)
     axes.annotate(
         _subtitle(fit), (0.0, 1.0), (0.0, 9.0), xycoords="axes fraction",
         textcoords="offset points", va="bottom", ha="left", color=DARK,
     ).set_in_layout(False)  # fmt: skip  # the padding of the title leaves room for it
-    texts = [visible(text).replace("$", r"\$") for _, text in warnings_of(fit)]
+    texts = [visible(text).replace("$", r"\$") for _, text in warnings_of(fit) if warnings]
     if not (texts or reference):
         return
     shown = [
@@ -511,17 +421,22 @@ def _titles(figure: Figure, axes: Axes, fit: FitData, reference: str) -> None:
     figure.supxlabel(text, x=0.01, ha="left", fontsize=9, color=color)
 
 
-def draw(fit: FitData, reference: str | None = None) -> Figure:
+def draw(
+    fit: FitData, reference: str | None = None, others: Sequence[FitData] = (),
+    warnings: bool = True,
+) -> Figure:  # fmt: skip
     """Return a matplotlib Figure of a fit.
 
     It shows data with one-sigma error bars, fitted curves with their one-sigma bands, and below
     them data - fit: powers, psi and Delta each in panels of their own, over the angle, or over the
-    wavelength if there are several. Then follow eta and k, with 95 % upper limits, and a tick on
+    wavelength if there are several (of up to 12 angles three together). Then follow eta and, where
+    it is not 0 everywhere, k, with 95 % upper limits, and a tick on
     the axis where the data do not determine them. Of a batch without data the fitted parameters are
     drawn. The warnings stand below.
 
     reference: a named material, whose eta and k are drawn for comparison; at one wavelength they
-    stand below, as numbers.
+    stand below, as numbers. others: further fits, whose curves, eta and k are drawn for comparison.
+    warnings: whether they are written below.
     Raises ImportError where matplotlib is not installed, ValueError for an unknown material or
     where there is nothing to draw.
     """
@@ -542,7 +457,7 @@ def draw(fit: FitData, reference: str | None = None) -> Figure:
         if m is None:
             first = _draw_batch(figure, fit)
         else:
-            first = _draw_data(figure, fit, m, with_index, reference)
-        _titles(figure, first, fit, "" if with_index else below)
+            first = _draw_data(figure, fit, m, with_index, reference, others)
+        _titles(figure, first, fit, "" if with_index else below, warnings)
         figure.align_ylabels()
         return figure

@@ -29,6 +29,7 @@ from fitting.residuals.error_model import OF_EACH
 from fitting.results.diagnostics import Finding
 from fitting.results.result import FitData
 from fitting.results.result_parts import UNDETERMINED, Alternative, Comparison, Estimate
+from fitting.results.wording import no_solid
 from fitting.uncertainty.limits import student_quantile
 
 Facts = list[tuple[str, str]]
@@ -207,7 +208,9 @@ def _alternative(fit: FitData, other: Alternative) -> str:
     student, each = reach(fit), other.parameters.items()
     values = ", ".join(f"{shown_name(fit, name)} {_of_second(e, student)}" for name, e in each)
     higher = "higher" if other.delta_chi2 >= 0.0 else "lower"
-    return f"{values} (chi2 {higher} by {abs(other.delta_chi2):.2g})"
+    doubt = no_solid({name: float(e.value) for name, e in each})
+    doubt = f"; {doubt}" * bool(doubt)
+    return f"{values} (chi2 {higher} by {abs(other.delta_chi2):.2g}{doubt})"
 
 
 def index_rows(fit: FitData) -> list[list[str]]:
@@ -320,13 +323,14 @@ def warnings_of(fit: FitData) -> Facts:
     at, um, other = ("at", " um", "wavelength") if by_wavelength(fit) else ("curve", "", "curve")
     for finding, mask in _told(fit):
         first, *others = map(tuple, np.argwhere(mask))
-        text = finding.of(first, {}).text.removesuffix(".")
+        warning = finding.of(first, {})
+        text = warning.sentence.removesuffix(".")
         where = f"{at} {_place(fit, first)}{um}"
         if others:
             own = any(isinstance(value, np.ndarray) for value in finding.values.values())
             where += f"; {'with other numbers ' * own}{'at' if um else 'in'} "
             where += counted(len(others), f"more {other}")
-        rows.append((f"warning {len(rows) + 1}", f"{text} ({where})."))
+        rows.append((f"warning {len(rows) + 1}", f"{text} ({where}). {warning.advice}".rstrip()))
     return rows
 
 
@@ -403,10 +407,12 @@ def table(
         rows_aligned(batch_rows(fit)) if fit.shape
         else rows_aligned(parameter_rows(fit), _LABEL - 2)
     )  # fmt: skip
-    lines = [title_of(fit), *_wrapped(heading(fit), width), "", *rows, ""]
-    lines += _wrapped([*_index_ends(fit), *facts(fit)], width)
-    for told in (warnings_of(fit), [("note", note.text) for note in fit.notes]):
-        lines += ["", *_wrapped(told, width)] if told else []
+    lines, told = [title_of(fit), *_wrapped(heading(fit), width)], warnings_of(fit)
+    parts = [rows, _wrapped([*_index_ends(fit), *facts(fit)], width), _wrapped(told, width)]
+    if fit.shape:  # the rows of many fits are too long to stand before what is said of them
+        parts = [*parts[1:], rows]
+    for part in (*parts, _wrapped([("note", note.text) for note in fit.notes], width)):
+        lines += ["", *part] if part else []
     if choice is not None:
         lines += ["", "  models compared (BIC minus the lowest BIC; > marks the model taken)"]
         lines += [*rows_aligned(choice.table()), ""]

@@ -189,8 +189,10 @@ TRY: dict[str, _Tries | Callable[[Mapping[str, Any]], _Tries]] = {
     "residuals_in_order": wording.drifted,
     "few_starts_agree": wording.more_starts,
     "better_minimum_met": wording.more_starts,
-    "chi2_large": lambda v: (("If the sample is right:", "--errors equal"),),
-    "compatible_with_zero": lambda v: (("To leave it out:", f"--fix {v['parameter']}=0"),),
+    "chi2_large": lambda v: (
+        () if v["own"] else (("Errors wrong?", "--errors equal"), *wording.instrument_errors(v))
+    ),
+    "compatible_with_zero": wording.left_out,
     "quadratic_misleads": (("", "--intervals auto"),),
     "prior_contradicted": lambda v: tuple(
         ("", f"--prior {name}={mean:.6g}+-{2.0 * errors * sigma:.2g}")

@@ -97,6 +97,13 @@ def drifted(v: Mapping[str, Any]) -> Tries:
     return (_SCALE,) if v["powers"] else ()
 
 
+def left_out(v: Mapping[str, Any]) -> Tries:
+    """Return how a parameter is left out that is 0 within its error, and may be held at 0."""
+    name = v["parameter"]
+    may = v["alone"] and name.rpartition(".")[2] in ("k", "leak", "divergence", "bandwidth")
+    return (("To leave it out:", f"--fix {name}=0"),) if may else ()
+
+
 def no_solid(values: Mapping[str, float]) -> str:
     """Return that an index is hardly one, if it is: eta^2 - k^2 between 0 and 1.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import inspect
 from collections.abc import Callable, Sequence
@@ -19,6 +20,8 @@ from .index import Index, IndexLike
 _LARGEST_COSINE = 1.001
 # Of an array so many values are looked at, evenly spaced: 5 us, whatever its size.
 _LOOKED_AT = 1024
+# Arrays of more values are shown by their shape.
+_FEW = 8
 _HALF = ("float16", "bfloat16")
 
 
@@ -208,6 +211,38 @@ def check_positive(value, name: str, or_zero: bool = False):
         raise ValueError(f"{name} is {ends[0]:g}; wanted {'>= 0' if or_zero else '> 0'}")
     if ends[1] == np.inf:
         raise ValueError(f"{name} is infinite; wanted a finite number")
+
+
+def check_unit(direction, name: str):
+    """ValueError for a readable direction (..., 3) whose length is not 1."""
+    if isinstance(direction, list | tuple) and all(map(_known, direction)):
+        direction = np.asarray(direction)
+    if not readable(direction) or np.shape(direction)[-1:] != (3,) or not np.size(direction):
+        return
+    some = np.asarray(direction, float).reshape(-1, 3)
+    length = np.sqrt((some[:: max(1, len(some) // _LOOKED_AT)] ** 2).sum(-1))
+    off = length[np.abs(length - 1.0) > _LARGEST_COSINE - 1.0]  # NaN is let through
+    if off.size:
+        raise ValueError(
+            f"{name} has the length {off[0]:g}; wanted a unit vector. Divide it by its length: "
+            f"{name} / jnp.linalg.norm({name}, axis=-1, keepdims=True)"
+        )
+
+
+def values_shown(model) -> str:
+    """A model with the values of its fields, of large and unreadable arrays their shape.
+
+    ``Dielectric(eta=1.5, distribution=TrowbridgeReitz(alpha_x=0.1, alpha_y=0.1), ...)``
+    """
+    if isinstance(model, jax.Array | np.ndarray):
+        if np.size(model) > _FEW or not readable(model):
+            return f"{jnp.result_type(model).name}{list(np.shape(model))}"
+        digits = {"float_kind": lambda x: f"{x:.6g}"}
+        return np.array2string(np.asarray(model), separator=", ", formatter=digits)  # pyright: ignore
+    if not dataclasses.is_dataclass(model):
+        return repr(model)
+    each = ((f.name, getattr(model, f.name)) for f in dataclasses.fields(model))
+    return f"{type(model).__name__}({', '.join(f'{n}={values_shown(x)}' for n, x in each)})"
 
 
 def check_media(index):

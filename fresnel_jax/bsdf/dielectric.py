@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from .._numerics.arguments import float_named, index_named
+from .._numerics.arguments import float_named, index_named, values_shown
 from .._numerics.fences import computed_once
 from .._numerics.vectors import Vector, dot, once, select
 from ..boundary.shares import Shares, shares
@@ -74,6 +74,8 @@ class Dielectric(eqx.Module):
     Source: PBRT 3rd ed. `FresnelSpecular`, 4th ed. sec. 9.5 and 9.7; Walter et al. 2007,
     doi:10.2312/EGWR/EGSR07/195-206.
     """
+
+    __repr__ = values_shown
 
     eta: Array = eqx.field(converter=index_named("eta"))
     distribution: TrowbridgeReitz | None = None

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from .._numerics.arguments import float_named
+from .._numerics.arguments import float_named, values_shown
 from .._numerics.fences import computed_once
 from .._numerics.vectors import Vector, dot, once, select
 from ..directions import reflect_components
@@ -36,6 +36,8 @@ class Reflector(eqx.Module):
     See the module `bsdf` for the methods that all models share.
     Source: PBRT 3rd ed. `SpecularReflection`, 4th ed. `ConductorBxDF`.
     """
+
+    __repr__ = values_shown
 
     fresnel: FresnelTerm
     distribution: TrowbridgeReitz | None = None

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from .._numerics.arguments import check_unit
 from .._numerics.results import exported
 from .._numerics.vectors import Vector, components, select, stack
 
@@ -73,6 +74,8 @@ def local_direction(w: ArrayLike, name: str) -> tuple[Vector, Array]:
     replaced by the normal, so that what is computed for it, and every derivative, is finite before
     it is masked. A direction with a NaN is kept: it does not leave, and `zero_or_nan` tells it.
     """
+    if name == "wo":
+        check_unit(w, name)
     v = components(w, name)
     flux = v.z * v.z
     unknown = zero_or_nan(*v) != 0.0

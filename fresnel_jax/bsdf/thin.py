@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from .._numerics.arguments import index_named
+from .._numerics.arguments import index_named, values_shown
 from .._numerics.vectors import Vector
 from ..interface import powers
 from .scattering import (
@@ -35,6 +35,8 @@ class ThinDielectric(eqx.Module):
     one medium. See the module `bsdf` for the methods that all models share.
     Source: Stokes 1860, doi:10.1098/rspl.1860.0119; PBRT 4th ed. eq. 9.10.
     """
+
+    __repr__ = values_shown
 
     eta: Array = eqx.field(converter=index_named("eta"))
 

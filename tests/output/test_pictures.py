@@ -279,3 +279,45 @@ def test_a_batch_without_data_is_drawn_over_its_curves_or_as_a_map(tmp_path):
     row = fit_many(angles, R_s=of["R_s"] + noise[0, 0], R_p=of["R_p"] + noise[1, 0])
     first = row.plot().axes[0]
     assert first.containers[0][0].get_ydata().tolist() == row.eta.tolist()
+
+
+def nine_angles(quantities=("psi", "delta")):
+    angle, wave = (a.ravel() for a in np.meshgrid(np.arange(45.0, 90.0, 5.0), [0.5, 0.6, 0.7]))
+    each = {q: simulate("1.5+0.1i", {}, angle, wave, q) for q in quantities}
+    return Measurement.from_columns(angle, wave, source="nine <angles>", **each)
+
+
+@pytest.mark.parametrize(("quantities", "shape"), [(("psi", "delta"), (3, 2)), (("R_s",), (1, 3))])
+def test_a_measurement_is_drawn_with_at_most_three_angles_a_panel(quantities, shape):
+    m = nine_angles(quantities)
+    figure = m.plot()
+    assert len(figure.axes) == shape[0] * shape[1]
+    drawn = [len(axes.containers) for axes in figure.axes]
+    assert max(drawn) == 3 and sum(drawn) == 9 * len(quantities)
+    values = np.concatenate([c[0].get_ydata() for axes in figure.axes for c in axes.containers])
+    np.testing.assert_array_equal(np.sort(values), np.sort(m.value))
+    shown = [axes.get_xlabel() for axes in figure.axes]
+    assert shown.count("wavelength (\u00b5m)") == shape[1]  # on the lowest of each column
+
+
+def test_a_measurement_is_a_table_in_a_notebook_and_a_dataframe():
+    m = nine_angles()
+    page = m._repr_html_()
+    assert "nine &lt;angles&gt;: took 54 values of psi, delta" in page
+    assert page.count("<tr>") == 11 and "44 more rows" in page and "<th>sigma</th>" not in page
+    frame = m.to_dataframe()
+    assert list(frame) == ["angle_deg", "wavelength_um", "quantity", "value"]
+    np.testing.assert_array_equal(frame["value"], m.value)
+
+
+def test_the_curves_of_further_fits_are_drawn_and_no_panel_of_a_k_that_is_0():
+    angle, wave = (a.ravel() for a in np.meshgrid([0.0, 50.0], np.linspace(0.4, 0.8, 12)))
+    R = simulate("cauchy:2", {"A": 1.5, "B": 0.01}, angle, wave, "R_s")
+    m = Measurement.from_columns(angle, wave, R_s=R)
+    one, two = (fit(m, sample, intervals="quadratic") for sample in ("cauchy:2", "constant"))
+    top, _, eta = one.plot(others=two).axes[:3]
+    assert len(one.plot().axes) == 3  # data, residuals, eta
+    assert "constant" in [text.get_text() for text in top.get_legend().get_texts()]
+    curves = [line for line in top.lines if line.get_linestyle() == "--"]
+    assert len(curves) == 2  # one an angle
+    np.testing.assert_allclose(eta.lines[-1].get_ydata(), two.parameters["eta"].value)

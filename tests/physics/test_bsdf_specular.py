@@ -209,3 +209,20 @@ def test_reflectance_is_the_same_from_both_ends_of_a_refracted_ray():
     np.testing.assert_allclose(
         fresnel_dielectric(wo[:, 2], 1.5), fresnel_dielectric(wt[:, 2], 1.5), rtol=1e-12
     )
+
+
+def test_models_show_their_values():
+    rough = bsdf.conductor(0.2, 3.0, bsdf.TrowbridgeReitz(0.1, 0.25))
+    assert "FresnelConductor(eta=0.2, k=3, eta_outside=1)" in repr(rough)
+    assert "TrowbridgeReitz(alpha_x=0.1, alpha_y=0.25)" in repr(rough)
+    assert "alpha_x=float32[3, 5]" in repr(bsdf.TrowbridgeReitz(np.ones((3, 5), np.float32)))
+
+
+@pytest.mark.parametrize("wo", [(0.0, 0.6, 1.6), np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.5]])])
+def test_a_direction_that_is_no_unit_vector_is_refused(wo):
+    model = bsdf.Dielectric(1.5)
+    with pytest.raises(ValueError, match="wo has the length .*wanted a unit vector. Divide it by"):
+        model.sample(wo, 0.5, U)
+    # Nothing is known of a direction that is traced, and rounding is no error.
+    jax.eval_shape(lambda w: model.sample(w, 0.5, U), np.asarray(wo))
+    model.sample(np.array([0.0, 0.6001, 0.8]), 0.5, U)

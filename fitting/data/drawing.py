@@ -1,0 +1,228 @@
+"""Pictures of measured data: one line a quantity and angle, in panels of few lines.
+
+Needs matplotlib (the extra ``plot``), which is imported when a picture is drawn and not before.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from fitting.data.errors import MissingExtra
+from fitting.data.quantities import POWERS, TABLE
+from fitting.process.visible import visible
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Measurement = Any  # which draws itself by this module
+
+GREY = "#595959"
+# Beyond this many points a line marks run together and are drawn small.
+MANY = 60
+# Curves over the wavelength at more angles than that go to panels of so many each; at more than
+# _MOST angles all go to one, and the legend gives their range.
+_TOGETHER, _MOST = 3, 12
+PANELS = ("power", *(name for name in TABLE if name not in POWERS))
+# Colour, marker, and whether it is hollow.
+Look = tuple[str, str, bool]
+# What is drawn together: one of `PANELS`, and which group of angles.
+Panel = tuple[str, int]
+
+
+class Line(NamedTuple):
+    """Data that one curve runs through.
+
+    rows: of the measurement, in the order of x. label: for the legend; "" for none.
+    """
+
+    rows: np.ndarray
+    panel: Panel
+    look: Look
+    label: str
+
+
+def style() -> Any:
+    """Return the context in which pictures are drawn and written."""
+    from matplotlib import style
+
+    file = Path(__file__).parents[1] / "output" / "fresnel_fit.mplstyle"
+    return style.context(file, after_reset=True)
+
+
+def check_matplotlib(asked: str) -> None:
+    """Raise ImportError where matplotlib, which ``asked`` needs, is not installed."""
+    if importlib.util.find_spec("matplotlib") is None:
+        raise MissingExtra(asked, "matplotlib", "plot")
+
+
+def plain_title(text: str) -> str:
+    """Return ``text`` as a title of one line; the middle of a long text is left out."""
+    if len(text) > 78:
+        text = f"{text[:37]} ... {text[-36:]}"
+    return visible(text).replace("$", r"\$")
+
+
+def points(axes: Axes, x: Any, y: Any, sigma: Any, look: Look, label: str) -> None:
+    """Draw data with one-sigma bars where there is a sigma; many of them as small dots."""
+    color, marker, hollow = look
+    sigma = np.asarray(sigma)
+    error = np.where(np.isfinite(sigma), sigma, 0.0) if np.isfinite(sigma).any() else None
+    many = len(x) > MANY
+    axes.errorbar(
+        x, y, yerr=error, fmt=marker, color=color, label=label,
+        markersize=(3.2 if hollow else 2.4) if many else 5.5,
+        markerfacecolor="none" if hollow else color,
+        markeredgecolor=color if hollow else "white",
+        markeredgewidth=(0.6 if hollow else 0.0) if many else (1.0 if hollow else 0.6),
+        elinewidth=0.7 if many else 1.4, capsize=0.0, zorder=3,
+    )  # fmt: skip
+
+
+def over_wavelength(m: Measurement) -> bool:
+    """Whether there is more than one wavelength, and the picture is drawn over it."""
+    return len(np.unique(m.wavelength_um[np.isfinite(m.wavelength_um)])) > 1
+
+
+def axis_of(m: Measurement) -> np.ndarray:
+    """Return what the picture is drawn over, (N,): the wavelength or the angle."""
+    return m.wavelength_um if over_wavelength(m) else m.angle_deg
+
+
+def _look(quantity: str, polarizer: float, place: int) -> tuple[Look, str]:
+    """Return how a kind of datum is drawn, and its label; ``place``: of so many of its quantity."""
+    color, marker, hollow, label = TABLE[quantity][3:7]
+    if polarizer >= 0.0:
+        from matplotlib import colormaps
+        from matplotlib.colors import to_hex
+
+        color, marker = to_hex(colormaps["cividis"](polarizer / 90.0)), "P"
+        label = rf"{label or quantity}, polarizer at {polarizer:g}$\degree$"
+    if place:  # a second file with the same quantity
+        other = TABLE[POWERS[(place + 2) % len(POWERS)]]
+        color, marker = other.color, other.marker
+    return (color, marker, hollow), label or quantity
+
+
+def lines_of(m: Measurement, curve: np.ndarray | None = None, names: Any = ()) -> list[Line]:
+    """Return what is drawn as one line each: a quantity, over the wavelength at one angle.
+
+    curve: (N,) which of ``names`` (a quantity of a file) each datum is of; None for one file.
+    """
+    from matplotlib.colors import to_hex, to_rgb
+
+    waves, out = over_wavelength(m), []
+    of_file = np.zeros(len(m), int) if curve is None else np.asarray(curve)
+    polarizers = np.nan_to_num(m.polarizer_deg, nan=-1.0)
+    kinds = dict.fromkeys(
+        zip(of_file.tolist(), m.quantity.tolist(), polarizers.tolist(), strict=True)
+    )
+    seen: dict[str, int] = {}
+    for number, quantity, polarizer in kinds:
+        of = (of_file == number) & (m.quantity == quantity) & (polarizers == polarizer)
+        name = visible(names[number].replace("NCS", quantity)) if names else ""
+        look, label = _look(quantity, polarizer, seen.get(quantity, 0) if name else 0)
+        seen[quantity] = seen.get(quantity, 0) + 1
+        label = f"{label} {name}".replace("$ ", "$, ") if name else label
+        angles = np.unique(m.angle_deg[of]).tolist() if waves else [math.nan]
+        groups = -(-len(angles) // _TOGETHER) if len(angles) <= _MOST else 1
+        each = np.array_split(np.arange(len(angles)), groups)
+        for group, some in enumerate(each):
+            last = len(some) - 1
+            for i, angle in enumerate(angles[j] for j in some):
+                rows = np.flatnonzero(of & (m.angle_deg == angle) if waves else of)
+                rows = rows[np.argsort(axis_of(m)[rows], kind="stable")]
+                shade, text = look[0], label
+                if i < last:  # paler for a small angle
+                    paler = 1.0 - (1.0 - np.array(to_rgb(look[0]))) * (0.4 + 0.6 * i / last)
+                    shade = to_hex(paler.tolist())  # pyright: ignore[reportArgumentType]
+                if len(angles) > _MOST:
+                    text = f"{label}, {angles[0]:g} to {angles[-1]:g}$\\degree$\n(darker: larger)"
+                    text = text if i == last else ""
+                elif waves and (len(angles) > 1 or angle > 0.0):
+                    text = rf"{label}, {angle:g}$\degree$"
+                kind = quantity if quantity in PANELS else "power"
+                out.append(Line(rows, (kind, group), (shade, *look[1:]), text))
+    return out
+
+
+def panels_of(lines: Sequence[Line]) -> list[Panel]:
+    """Return the panels of lines: the quantities side by side, groups of angles in order."""
+    return sorted({line.panel for line in lines}, key=lambda p: (PANELS.index(p[0]), p[1]))
+
+
+def span_of(m: Measurement) -> tuple[float, float]:
+    """Return the wavelengths; or 0 to 90 degrees, less if the angles span less than 45."""
+    if over_wavelength(m):
+        return float(np.nanmin(m.wavelength_um)), float(np.nanmax(m.wavelength_um))
+    low, high = float(m.angle_deg.min()), float(m.angle_deg.max())
+    if high - low >= 45.0:
+        return 0.0, 90.0
+    margin = max(0.15 * (high - low), 2.0)
+    return max(low - margin, 0.0), min(high + margin, 90.0)
+
+
+def finish_panel(axes: Axes, kind: str, quantity: np.ndarray) -> None:
+    """Name the axis of values of a panel, and end that of powers at 0 and 1."""
+    axes.set_ylabel(TABLE[kind].axis if kind in TABLE else "")
+    if kind == "power":
+        names = dict.fromkeys(TABLE[name].axis for name in POWERS if name in quantity)
+        axes.set_ylabel(", ".join(names))
+        low, high = axes.get_ylim()
+        axes.set_ylim(max(low, -0.02), min(high, 1.02))
+
+
+def finish_x(axes: Axes, m: Measurement) -> None:
+    """Name the axis of wavelengths or angles."""
+    axes.set_xlabel(
+        "wavelength (\u00b5m)" if over_wavelength(m) else "angle of incidence (degrees)"
+    )
+    axes.tick_params(labelbottom=True)
+    low, high = span_of(m)
+    if not over_wavelength(m):
+        axes.set_xlim(low, high)
+        if high - low == 90.0:
+            axes.set_xticks(range(0, 91, 15))
+
+
+def places_of(panels: Sequence[Panel]) -> dict[Panel, tuple[int, int]]:
+    """Return row and column of each panel: a column a quantity; of one quantity up to three."""
+    kinds = list(dict.fromkeys(kind for kind, _ in panels))
+    if len(kinds) == 1:
+        return {panel: divmod(i, 3) for i, panel in enumerate(panels)}
+    return {(kind, group): (group, kinds.index(kind)) for kind, group in panels}
+
+
+def draw_measurement(m: Measurement) -> Figure:
+    """Return a matplotlib Figure of the data with their stated errors."""
+    check_matplotlib("plot")
+    from matplotlib.figure import Figure
+
+    with style():
+        lines = lines_of(m)
+        places = places_of(panels_of(lines))
+        rows, columns = (max(place) + 1 for place in zip(*places.values(), strict=True))
+        size = (7.4 if columns == 1 else 5.2 * columns, 1.0 + 3.8 * rows)
+        figure = Figure(figsize=size, layout="constrained", facecolor="white")
+        grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
+        for panel, place in places.items():
+            axes = grid[place]
+            for line in lines:
+                if line.panel == panel:
+                    x, value, sigma = (a[line.rows] for a in (axis_of(m), m.value, m.sigma))
+                    points(axes, x, value, sigma, line.look, line.label)
+            finish_panel(axes, panel[0], m.quantity)
+            axes.legend(loc="best")
+        for axes in {*grid.flat} - {grid[place] for place in places.values()}:
+            axes.remove()
+        lowest = {place[1]: grid[place] for _, place in sorted(places.items(), key=lambda p: p[1])}
+        for axes in lowest.values():
+            finish_x(axes, m)
+        grid[0, 0].set_title(plain_title(m.source), fontweight="bold")
+        return figure
