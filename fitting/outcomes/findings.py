@@ -319,6 +319,13 @@ def _on_parameters(
     yield "poorly_determined", vague.any(-1), values
 
 
+def _held(known: Mapping[str, Estimate], names: Any) -> tuple[str, float] | None:
+    """Return a parameter that may be fixed, and its value; of one fit, where that has one."""
+    if not isinstance(names, tuple) or not np.isfinite(known[names[-1]].value):
+        return None
+    return names[-1], float(known[names[-1]].value)
+
+
 def _turned(found: FitData) -> Any:
     """Return where quadratic errors of a bare surface are no small part of its circle of one R(0).
 
@@ -370,7 +377,10 @@ def findings_of_all(
     told: list[tuple[Any, ...]] = [
         ("not_converged", failed & np.logical_not(missed), {"more": more}),
         ("misses_without_freedom", failed & missed, size),
-        *(("not_seen", ok & at, {"parameters": names}) for at, names in unseen),
+        *(
+            ("not_seen", ok & at, {"parameters": names, "hold": _held(known, names)})
+            for at, names in unseen
+        ),
         ("one_value", few & ~np.any([at for at, _ in unseen], 0), {}),
         ("chi2_large", ok & large, chi2), ("chi2_small", ok & small & stated, chi2),
     ]  # fmt: skip

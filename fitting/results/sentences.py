@@ -175,6 +175,7 @@ TRY: dict[str, _Tries | Callable[[Mapping[str, Any]], _Tries]] = {
     "circle": (("Glass?", "--fix k=0"),),
     "same_at_45_degrees": (("Glass?", "--fix k=0"),),
     "combination": (("Glass?", "--fix k=0"),),
+    "not_seen": lambda v: (("", "--fix {}={:.4g}".format(*v["hold"])),) if v["hold"] else (),
     "one_value": (("Glass?", "--fix k=0"),),
     "thin_film": lambda v: (
         ("If the thickness is known:", f"--fix {v['thickness']}={v['value']:.4g}"),

@@ -121,7 +121,7 @@ def not_seen(v: Mapping[str, Any]) -> str:
     return (
         f"{listed(v['parameters'])} are not determined separately: the fitted curve stays the same "
         "if they change together. The values shown are one set of many that fit equally well; fix "
-        "one of them, or give it a prior."
+        "one of them at its known value, or give it a prior."
     )
 
 

@@ -69,6 +69,7 @@ CASES = [
     ("same_at_45_degrees", over_angle([45.0], ("R_s", "R_p")), {}, None),
     ("combination", GLASS, {}, {"eta": 1.5, "k": 0.0}),
     ("one_value", GLASS, {}, {}),
+    ("not_seen", GLASS, ONE, {"hold": ("eta", 1.5)}),
     ("thin_film", GLASS, {"sample": FILM}, {"thickness": "thickness_nm", "value": 90.0}),
     (
         "fringes_in_noise",
