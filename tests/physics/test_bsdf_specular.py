@@ -1,6 +1,7 @@
 """Smooth surfaces: Mitsuba's tables, the thin slab, delta rules, Fresnel terms."""
 
 import csv
+import functools
 import pathlib
 
 import jax
@@ -50,6 +51,12 @@ def both_lobes(model, wo, mode=TransportMode.RADIANCE, lobes=Lobes.ALL):
 # Tables -------------------------------------------------------------------------------------------
 
 
+@functools.partial(jax.jit, static_argnums=3)
+def sampled(model, wo, u_lobe, mode):
+    """Compiled once for all models of a kind."""
+    return model.sample(wo, u_lobe, U, mode=mode)
+
+
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("name", ["dielectric_1.5", "dielectric_1over1.5", "dielectric_1.0",
                                   "conductor_Au"])  # fmt: skip
@@ -63,8 +70,7 @@ def test_samples_agree_with_the_table(name, mode):
     }
     wo = table["wi"].astype(float)[:, None]  # Mitsuba's names are the other way round
     wo /= np.linalg.norm(wo, axis=-1, keepdims=True)
-    sampled = jax.jit(lambda wo, u_lobe: models[name].sample(wo, u_lobe, U, mode=mode))
-    sample = sampled(wo, table["u1"].astype(float))
+    sample = sampled(models[name], wo, table["u1"].astype(float), mode)
     expected = {
         key: table[f"{name}/{mode.name.lower()}/{key}"]
         for key in ("wo", "pdf", "eta", "type", "weight")

@@ -255,7 +255,7 @@ def test_a_mixture_with_gold_in_the_infrared():
     true = oracle(bruggeman, eta, k, share)
     found = bruggeman(eta, k, share)
     assert complex(found.eta, found.k) == pytest.approx(complex(true), rel=1e-14)
-    slopes = jax.jacrev(lambda f: bruggeman(eta, k, f).eta)(share)
+    slopes = jax.jit(jax.jacrev(lambda f: bruggeman(eta, k, f).eta))(share)
     for j in range(2):
         step = 1e-6 * np.eye(2)[j]
         ends = [oracle(bruggeman, eta, k, share + s * step).real for s in (1, -1)]

@@ -99,7 +99,8 @@ def test_of_one_boundary(name, dtype):
         arrays = [x if i == 2 and x == 0.0 else jnp.full(3, x, dtype) for i, x in enumerate(given)]
         for leaf in jax.tree.leaves(function(*arrays)):
             assert np.isnan(np.asarray(leaf)).all(), (name, given, leaf)
-    assert np.isnan(np.asarray(jax.tree.leaves(function(1.0, NAN, 0.1)))).all()
+    if name in ("powers", "psi_delta"):  # numbers instead of arrays
+        assert np.isnan(np.asarray(jax.tree.leaves(function(1.0, NAN, 0.1)))).all()
 
 
 @pytest.mark.study

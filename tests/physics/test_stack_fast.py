@@ -80,7 +80,10 @@ def radians(n, k, d, wavelength):
     return 1.0 + (2.0 * np.pi * np.abs(n[:-1] + 1j * k[:-1]) * d / wavelength).sum(0)
 
 
-@pytest.mark.parametrize("layers", (*LAYERS, *MANY))
+@pytest.mark.parametrize(
+    "layers",
+    [pytest.param(n, marks=[pytest.mark.study] * (n in (1, 12))) for n in (*LAYERS, *MANY)],
+)
 def test_values_are_right_to_the_digits_of_the_phase(layers):
     count = 40
     given = drawn(layers, count, 11)

@@ -102,6 +102,6 @@ def test_jit_eager_vmap_and_dtype(name, dtype):
     arguments = [jnp.asarray(points(dtype)[x]) for x in wanted.split()]
     batch = function(*arguments)
     assert_alike(jax.jit(function)(*arguments), batch, dtype)
-    assert_alike(jax.vmap(function)(*arguments), batch, dtype)
+    assert_alike(jax.jit(jax.vmap(function))(*arguments), batch, dtype)
     one = function(*(a[3] for a in arguments))
     assert_alike(one, jax.tree.map(lambda x: x[3], batch), dtype)
