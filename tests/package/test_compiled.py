@@ -1,5 +1,6 @@
 """A compiled program gives what its function gives: options of the compiler may not change it."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -10,6 +11,8 @@ from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.compiled import compiled
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
+from fresnel_jax import powers
+from fresnel_jax.layers import stack
 
 
 @pytest.mark.parametrize(
@@ -37,3 +40,25 @@ def test_values_and_derivatives_are_those_of_the_function(text, quantities, free
     found = compiled(_linearised, ("spec",))(targets, y, spec=u.spec)
     for a, b in zip(found, expected, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-11 * np.abs(b).max())
+
+
+def test_what_the_tests_compile_has_the_bits_of_what_users_compile():
+    """The tests leave out passes of the compiler, by XLA_FLAGS in tests/conftest.py."""
+    as_is = {
+        "xla_backend_optimization_level": 3,
+        "xla_llvm_disable_expensive_passes": False,
+        "xla_cpu_parallel_codegen_split_count": 32,
+    }
+    random = np.random.default_rng(0)
+    c, n, k = (random.uniform(0.0, high, 1000) for high in (1.0, 4.0, 3.0))
+
+    def of_a_film(c, n, k):
+        index = [np.ones(1000), n + 1j * k, np.full(1000, 1.5)]
+        return stack(c, index, thickness_um=[0.2], wavelength_um=0.6, exact=False)
+
+    slopes = jax.vmap(jax.grad(lambda c, n, k: powers(c, n, k).R_p, (0, 1, 2)))
+    for function in (slopes, of_a_film):
+        program = jax.jit(function).lower(c, n, k)
+        found, wanted = (program.compile(options)(c, n, k) for options in (None, as_is))
+        for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+            np.testing.assert_array_equal(a, b)
