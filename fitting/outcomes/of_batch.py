@@ -45,7 +45,7 @@ from fitting.uncertainty.profile import Lanes
 
 # Undamped steps after the solver, and the part of a standard error below which one is taken without
 # being looked at: what is left after a step is a thousandth of it.
-_STEPS, _SMALL = 3, 3e-3
+_STEPS, _SMALL = 3, 1e-2
 # Residuals of a curve are looked at only if the squares of the sums of four side by side are
 # together so many times the sum of the squares. That is 1 for noise (above 1.7 in .4 % of fits of
 # 50 to 100 data) and 2.5 for a smooth misfit as large as the noise. Steps of derivatives then.

@@ -23,6 +23,7 @@ from fitting.outcomes.outcome import Shaped
 from fitting.problem.curve_lanes import shown_at
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.unknowns import Unknowns
+from fitting.process.side_by_side import side_by_side
 from fitting.residuals.residuals import residuals
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import FitData
@@ -64,7 +65,7 @@ _SMALL_PART, _STEPS_IN_K = 0.1, 6
 _LEAST_RMS, _MOST_A, _CHANCE, _NORMAL_95 = 0.85, 0.3, 0.01, 1.645
 _FLAT_DEG = 30.0
 # Curves that are looked at together, for the size of the arrays.
-_BLOCK = 1024
+_BLOCK = 256
 # A first look at the other end of the circle that promises more than so many times what is allowed
 # is the last, and is taken at so many of the data.
 _FAR_ABOVE, _FEW = 100.0, 8
@@ -77,17 +78,28 @@ _OF_MODEL, _CONSTANT = "by_the_model_alone", Model("constant", 1)
 def _powers(
     cos: np.ndarray, s: np.ndarray, n: np.ndarray, k: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return R = s R_s + (1 - s) R_p of indices (N,), (N, M), and its derivatives by n and k."""
-    N = (n + 1j * k)[:, None]
-    square = N * N
-    q = np.sqrt(square - 1.0 + cos * cos) + 1e-150
-    dense = square * cos
-    r_s, r_p = (cos - q) / (cos + q), (dense - q) / (dense + q)
-    by_s = -2.0 * cos * N / (q * (cos + q) ** 2)
-    by_p = 2.0 * N * cos * (2.0 * q * q - square) / (q * (dense + q) ** 2)
-    slope = 2.0 * (s * r_s.conj() * by_s + (1.0 - s) * r_p.conj() * by_p)
-    R = s * np.abs(r_s) ** 2 + (1.0 - s) * np.abs(r_p) ** 2
-    return R, slope.real, -slope.imag
+    """Return R = s R_s + (1 - s) R_p of indices (N,), (N, M), and its derivatives by n and k.
+
+    In real numbers, as `fresnel_jax.powers` for fits: a third of the time that complex ones take.
+    """
+    n, k, square = n[:, None], k[:, None], cos * cos
+    sine2 = 1.0 - square
+    x, y = n * n - k * k - sine2, 2.0 * n * k  # Q^2, with Q = a + ib
+    rho = np.sqrt(x * x + y * y) + 1e-150
+    large = np.sqrt(0.5 * (rho + np.abs(x)))
+    small = 0.5 * y / large
+    a, b = np.where(x >= 0.0, large, small), np.where(x >= 0.0, small, large)
+    A, B, C = square + rho, 2.0 * cos * a, square * rho + sine2 * sine2
+    D = sine2 * B
+    per_s, per_p = 1.0 / (A + B), 1.0 / (C + D)
+    R_s = ((cos - a) ** 2 + b * b) * per_s
+    share = ((cos * a - sine2) ** 2 + square * b * b) * per_p
+    both, u, v = s + (1.0 - s) * share, n / rho, k / rho
+    of_s, of_p = 2.0 * both * per_s * per_s, 2.0 * (1.0 - s) * R_s * per_p * per_p
+    of_rho, of_a = of_s * B + of_p * D * square, 2.0 * cos * (of_s * A + of_p * C * sine2)
+    by_n = 2.0 * of_rho * (x * u + y * v) - of_a * (a * u + b * v)
+    by_k = 2.0 * of_rho * (y * u - x * v) - of_a * (b * u - a * v)
+    return both * R_s, by_n, by_k
 
 
 def _xi(n: np.ndarray, k: np.ndarray) -> np.ndarray:
@@ -212,7 +224,7 @@ def verdicts(
     least = ROUNDING * np.vecdot(value, value)
     alike = cost + _ALIKE * scatter + least
     the_same = cost + _THE_SAME * scatter + least
-    nothing = d.at(np.ones_like(n), np.zeros_like(n))[0]
+    nothing = d.miss - d.weight * d.fitted  # of no boundary
     none = np.vecdot(nothing, nothing) <= the_same
     independent = 1.0 - nk**2 / (nn * kk)
     spread = np.sqrt(scatter / (nn * independent)) / n
@@ -327,6 +339,7 @@ def verdicts_of_batch(
     ask |= (curves.squares[which] <= cost + 2.0 * _THE_SAME * scatter) | (angle.max(1) < _FLAT_DEG)
     at = np.flatnonzero(ask | (eta < outside))
 
+    @np.errstate(all="ignore")  # each thread has its own
     def asked_of(some: np.ndarray) -> tuple[np.ndarray, Verdicts]:
         targets = curves.targets(which[some])
         value, weight = (np.concatenate(a).T for a in (targets.values, targets.weights))
@@ -347,7 +360,7 @@ def verdicts_of_batch(
 
     if not len(at):
         return None
-    parts = [asked_of(some) for some in np.split(at, np.arange(_BLOCK, len(at), _BLOCK))]
+    parts = side_by_side(asked_of, np.split(at, range(_BLOCK, len(at), _BLOCK)))
     asked, v = jax.tree.map(lambda *a: np.concatenate(a), *parts)
     return asked, v, _with_index(u, y[asked], v)
 

@@ -132,7 +132,7 @@ class Curves:
     @cached_property
     def squares(self) -> np.ndarray:
         """The sum of squares of the data of each curve in units of their errors, (N,)."""
-        return squares_of(self.targets(np.arange(self.count)))
+        return squares_of(self.base._replace(**self._data))
 
 
 def _ahead(calls: Iterable[Any]) -> Iterator[Any]:
