@@ -190,7 +190,7 @@ def _a_k_is_free(u: Unknowns) -> bool:
 def _acts_on_k(name: str, place: str) -> bool:
     of, _, parameter = name.rpartition(".")
     # Cauchy's terms are of eta, and k beside them is that of an Urbach tail.
-    others = ("eta", *CAUCHY_NAMES, "thickness_nm", "thickness_um", "grade")
+    others = ("eta", *CAUCHY_NAMES, "thickness_nm", "thickness_um", "grade", "birefringence")
     return of == place and parameter not in others and not parameter.startswith("fraction")
 
 

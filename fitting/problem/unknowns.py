@@ -128,7 +128,13 @@ def _of_medium(
             out.append(_Offered(p._replace(name=f"{place}.{p.name}", held=value),
                                 f"{place}.{p.name}", True))  # fmt: skip
     elif model is not None:
-        out += _of_model(model, place, prefix, spectrum, shared)
+        of_model = _of_model(model, place, prefix, spectrum, shared)
+        film = medium.thickness is not None and medium.thickness.coherent
+        if film and isinstance(medium.index, Model) and model.name == "constant" and not shared:
+            # A film of one index is clear unless its k is asked for: at a few angles thickness and
+            # k take up each other's misfit.
+            of_model[1] = of_model[1]._replace(parameter=of_model[1].parameter._replace(held=0.0))
+        out += of_model
     if isinstance(medium.index, Mixture):
         for name, share in zip(medium.index.fractions, medium.index.shares, strict=False):
             out.append(_Offered(

@@ -188,15 +188,23 @@ def refuse_misplaced(text: str, index: Sequence[object], bare: Sequence[bool]) -
             )
 
 
+# Light may come from a medium with such a k, as that of water in the visible, which is taken for 0:
+# R then changes by less than this.
+LEAST_K = 1e-6
+
+
 def lossless(index: object) -> bool:
-    """Return whether light may come from a medium of this index: it is known and has no k."""
+    """Return whether light may come from a medium of this index: it is known and has no k.
+
+    Of a file: at some of its wavelengths; see `sample_checks.check_known`.
+    """
     if isinstance(index, str):
         return index not in ("free", "auto") and materials.lookup(index).kind == "dielectric"
     if isinstance(index, MaterialFile):
         table = known_medium(index)
         low, high = table.range_um or (0.5, 0.5)
-        return not np.any(np.asarray(table(np.linspace(low, high, 1001)).k))
-    return isinstance(index, complex) and not index.imag
+        return bool(np.min(np.asarray(table(np.linspace(low, high, 1001)).k)) <= LEAST_K)
+    return isinstance(index, complex) and index.imag <= LEAST_K
 
 
 def _parse_uniaxial(text: str, parts: list[str], index) -> Mixture:

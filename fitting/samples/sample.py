@@ -11,9 +11,10 @@ A sample has a text form, the same in Python and on the command line. Media are 
 
 The index of a medium is a number (``1.45``, ``0.2+3.1i``), a named material
 (`fresnel_jax.materials`), a file with an index (`material_files`), a dispersion model with the
-number of its terms (``drude-lorentz:2``), ``free`` (eta and k at every wavelength), ``auto`` (the
-simplest model that fits; `choose`), a mixture or a uniaxial medium (`known_media`). ``air`` and
-``vacuum`` are exactly 1: indices are relative to air, as those of glasses.
+number of its terms (``drude-lorentz:2``; the k of a film that is ``constant`` is 0 unless it is
+freed), ``free`` (eta and k at every wavelength), ``auto`` (the simplest model that fits; `choose`),
+a mixture or a uniaxial medium (`known_media`). ``air`` and ``vacuum`` are exactly 1: indices are
+relative to air, as those of glasses.
 
 The thickness of a layer follows its index: ``110 nm`` is fitted from this start, ``110 nm held`` is
 not fitted, ``100..150 nm`` is fitted within this range. The data depend on the product of thickness
@@ -290,7 +291,8 @@ def _parsed(text: str) -> Sample:
     if not lossless(first.index):
         raise ValueError(
             f"the sample {text!r}: light comes from the first medium, {first.text!r}, which must "
-            "be known and lossless: a real number above 0, or a named dielectric such as water."
+            "be known and lossless: a real number above 0 (k up to 1e-6 is taken for 0), or a "
+            "named dielectric such as water."
         )
     media = (first, *map(_layer, parts[1:-1]), last)
     depths = [m.thickness for m in media]

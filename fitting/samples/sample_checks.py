@@ -10,8 +10,9 @@ import numpy as np
 
 from fitting.data.measurement import Measurement, MeasurementError
 from fitting.data.quantities import TABLE
+from fitting.process.compiled import fit_settings
 from fitting.samples.dispersion import Model
-from fitting.samples.known_media import known_medium
+from fitting.samples.known_media import LEAST_K, MaterialFile, known_medium
 from fitting.samples.sample import Sample
 
 # Films from that thickness on are looked at, with the least index that they may have and so many
@@ -105,7 +106,10 @@ def check_points(m: Measurement, sample: Sample) -> None:
 
 
 def check_known(sample: Sample, medium: int, wavelength_um: np.ndarray, source: str = "") -> None:
-    """Raise ValueError for wavelengths beyond the range of the materials of a medium."""
+    """Raise ValueError for wavelengths beyond the range of the materials of a medium.
+
+    Also where the medium that the light comes from absorbs at one of them.
+    """
     for which in sample.media[medium].known:
         known = known_medium(which).range_um
         if known is None or np.isnan(wavelength_um).all():
@@ -117,3 +121,14 @@ def check_known(sample: Sample, medium: int, wavelength_um: np.ndarray, source: 
                 f"{known[0]:g} to {known[1]:g} um, and wavelengths from {low:g} to {high:g} um "
                 "came. Leave those outside out, or write a dispersion model instead."
             )
+        if medium == 0 and isinstance(which, MaterialFile):
+            at = wavelength_um[np.isfinite(wavelength_um)]
+            with fit_settings():
+                k = np.asarray(known_medium(which)(at).k)
+            worst = int(np.argmax(k))
+            if k[worst] > LEAST_K:
+                raise ValueError(
+                    f"{source or 'points'}: light comes from {known_medium(which).name}, whose k "
+                    f"is {k[worst]:.2g} at {at[worst]:g} um; {LEAST_K:g} or less was wanted. Leave "
+                    "out the wavelengths at which it absorbs."
+                )

@@ -17,7 +17,7 @@ def test_a_film_on_a_plate_is_found_by_psi_and_delta():
         for q in ("psi", "delta")
     }
     m = Measurement.from_columns(angle, wave, **seen, sigma=error)
-    found = fit(m, sample, starts=8, intervals="quadratic")
+    found = fit(m, sample, free="film.k", starts=8, intervals="quadratic")
     for name, value in truth.items():
         e = found.parameters[name]
         assert abs(e.value - value) < 4.0 * e.sigma

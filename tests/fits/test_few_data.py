@@ -41,7 +41,7 @@ def test_the_truth_is_among_the_solutions(seed):
     Of the others the errors at the lowest minimum are so large that two minima were taken for one.
     """
     measured, substrate, truth = drawn(seed)
-    found = fit(measured, f"air | constant 1..1000 nm | {substrate}")
+    found = fit(measured, f"air | constant 1..1000 nm | {substrate}", free="k")
     assert any(
         all(_near(f.parameters[n].interval, truth[n]) for n in truth)
         for f in (found, *found.alternatives)
@@ -100,7 +100,7 @@ def test_the_truth_is_among_the_solutions_without_stated_errors(seed):
         measured.angle_deg[of_psi], 0.633,
         psi=measured.value[of_psi], delta=measured.value[~of_psi],
     )  # fmt: skip
-    found = fit(m, f"air | constant 1..1000 nm | {substrate}")
+    found = fit(m, f"air | constant 1..1000 nm | {substrate}", free="k")
     assert any(
         all(_near(f.parameters[n].interval, truth[n]) for n in truth)
         for f in (found, *found.alternatives)
@@ -133,3 +133,15 @@ def test_one_datum_without_an_error_determines_nothing():
     assert "one datum for one unknown leaves" in found.warnings[-1].text
     stated = fit(Measurement.from_columns(0.0, 0.5, R=0.04, sigma=1e-3), "constant", fixed={"k": 0})
     assert stated.status == "converged" and stated.parameters["eta"].sigma > 0.0
+
+
+def test_the_k_of_a_film_of_one_index_is_fitted_if_it_is_asked_for():
+    """With three data k, eta and thickness went through all of them: .08, .98 and 210 nm."""
+    angles, sample = [30.0, 50.0, 60.0], "air | constant 100 nm | Si"
+    R = simulate(sample, {"eta": 1.46, "k": 0.0, "thickness_nm": 100.0}, angles, 0.5)
+    m = Measurement.from_columns(angles, 0.5, R=R + 1e-4 * np.array([1, -1, 1]), sigma=1e-4)
+    found = fit(m, sample, errors="stated", intervals="quadratic")
+    assert found.names == ("eta", "thickness_nm") and found.parameters["k"].status == "fixed"
+    assert abs(found.parameters["thickness_nm"].value - 100.0) < 1.0
+    asked = fit(m, sample, bounds={"k": (0.0, 0.01)}, starts=2, intervals="quadratic")
+    assert asked.names == ("eta", "k", "thickness_nm")

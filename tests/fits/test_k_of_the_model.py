@@ -38,3 +38,8 @@ def test_one_reflectance_at_each_wavelength(sample, expected, reflectance):
 def test_an_urbach_tail_that_is_fixed_is_known(fixed, expected, reflectance):
     """A and B are of eta alone, and had made its k that of the model."""
     assert told("air | cauchy-urbach:2 100..600 nm | 1.52", reflectance, fixed=fixed) is expected
+
+
+def test_a_birefringence_is_of_eta(reflectance):
+    film = "uniaxial(constant, birefringence 0.01) 250..350 nm"
+    assert not told(f"air | {film} | 1.52", reflectance, fixed={"k": 0.0}, starts=2)

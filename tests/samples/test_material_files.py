@@ -241,3 +241,15 @@ def test_a_known_medium_does_not_depend_on_where_it_is_first_asked_for(traced):
     with jax.enable_x64(True):
         n = complex(*material("Si")(np.float64(0.5)))
     np.testing.assert_allclose(R, abs((n - 1) / (n + 1)) ** 2, rtol=1e-14)
+
+
+def test_light_may_come_from_water_with_its_k(tmp_path):
+    water, um = tmp_path / "water.csv", np.array([0.5, 0.6])
+    water.write_text("wavelength_um,n,k\n0.4,1.34,1e-8\n0.7,1.34,1e-7\n1.0,1.34,1e-3\n")
+    clear = simulate("1.34 | Si", {}, 30.0, um)
+    for first in (water, "1.34+1e-7i"):
+        np.testing.assert_allclose(simulate(f"{first} | Si", {}, 30.0, um), clear, rtol=1e-6)
+    with pytest.raises(ValueError, match="light comes from water, whose k is 0.0.* at 0.9 um"):
+        simulate(f"{water} | Si", {}, 30.0, [0.5, 0.9])
+    with pytest.raises(ValueError, match="known and lossless"):
+        simulate("1.34+1e-4i | Si", {}, 30.0, um)
