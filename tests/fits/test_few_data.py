@@ -143,5 +143,6 @@ def test_the_k_of_a_film_of_one_index_is_fitted_if_it_is_asked_for():
     found = fit(m, sample, errors="stated", intervals="quadratic")
     assert found.names == ("eta", "thickness_nm") and found.parameters["k"].status == "fixed"
     assert abs(found.parameters["thickness_nm"].value - 100.0) < 1.0
+    assert "of the noise alone" in " ".join(str(found).split())
     asked = fit(m, sample, bounds={"k": (0.0, 0.01)}, starts=2, intervals="quadratic")
     assert asked.names == ("eta", "k", "thickness_nm")
