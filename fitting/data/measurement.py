@@ -70,8 +70,8 @@ class Measurement:
     def _repr_html_(self) -> str:
         """Return how it was read, and its first rows, as HTML for a cell of a notebook."""
         read = html.escape(visible(f"{self.source}: {self.understood}"))
-        names, shown = [*self.columns()], min(len(self), _ROWS)
-        rows = zip(*(column[:shown] for column in self.columns().values()), strict=True)
+        names, shown = [*self._columns()], min(len(self), _ROWS)
+        rows = zip(*(column[:shown] for column in self._columns().values()), strict=True)
         cells = "".join(
             "<tr>" + "".join(f"<td>{_cell(x)}</td>" for x in row) + "</tr>" for row in rows
         )
@@ -79,7 +79,7 @@ class Measurement:
         more = f"<p>{len(self) - shown} more rows</p>" * (len(self) > shown)
         return f"<p>{read}</p><table><tr>{head}</tr>{cells}</table>{more}"
 
-    def columns(self) -> dict[str, np.ndarray]:
+    def _columns(self) -> dict[str, np.ndarray]:
         """Return the arrays (N,) by name, but for those without a value."""
         names = ("angle_deg", "wavelength_um", "quantity", "value", "sigma", "polarizer_deg")
         each = {name: getattr(self, name) for name in names}
@@ -90,7 +90,7 @@ class Measurement:
         if importlib.util.find_spec("pandas") is None:
             raise MissingExtra("to_dataframe", "pandas", "dataframe")
         pandas: Any = importlib.import_module("pandas")
-        return pandas.DataFrame(self.columns())
+        return pandas.DataFrame(self._columns())
 
     def plot(self) -> Any:
         """Return a matplotlib Figure of the data over the wavelength or the angle."""

@@ -55,6 +55,12 @@ def _alternatives(fits: Sequence[FitData]) -> tuple[Alternative, ...]:
     return tuple(out)
 
 
+# What may be tried on one fit and not on one of many, which take one value for all.
+_OF_ONE: dict[str, Any] = {
+    "alone": False, "own": (), "measured": (), "as_it_is": False, "hold": None,
+}  # fmt: skip
+
+
 def stacked_findings(fits: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
     """Return the findings on each of many fits as those on all, the most serious first."""
     from fitting.results.sentences import SENTENCES
@@ -68,6 +74,9 @@ def stacked_findings(fits: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
             names = {name for own in each if len(own) > i for name in own[i].values}
             values: dict[str, Any] = {}
             for name in sorted(names):
+                if name in _OF_ONE:
+                    values[name] = _OF_ONE[name]
+                    continue
                 column = np.empty(len(fits), dtype=object)
                 for j, own in enumerate(each):
                     column[j] = own[i].values.get(name) if len(own) > i else None

@@ -321,9 +321,10 @@ def _on_parameters(
 
 def _held(known: Mapping[str, Estimate], names: Any) -> tuple[str, float] | None:
     """Return a parameter that may be fixed, and its value; of one fit, where that has one."""
-    if not isinstance(names, tuple) or not np.isfinite(known[names[-1]].value):
+    e = known.get(names[-1]) if isinstance(names, tuple) else None
+    if e is None or not np.isfinite(e.value):
         return None
-    return names[-1], float(known[names[-1]].value)
+    return names[-1], float(e.value)
 
 
 def _turned(found: FitData) -> Any:
@@ -372,7 +373,7 @@ def findings_of_all(
     chi2 = {
         "chi2_reduced": reduced, "factor": np.sqrt(reduced),
         "errors": taken if stated else "scaled", "robust": found.loss != "squares",
-        "own": found.sample is None, "measured": measured,
+        "no_sample": found.sample is None, "measured": measured,
     }  # fmt: skip
     told: list[tuple[Any, ...]] = [
         ("not_converged", failed & np.logical_not(missed), {"more": more}),

@@ -212,9 +212,15 @@ def _legend(axes: Axes, banded: bool, outside: bool, few: bool) -> None:
     axes.legend([*handles, fit], labels, handlelength=1.6, markerscale=scale, **place)
 
 
+def _fine(fit: FitData) -> np.ndarray:
+    """Return the wavelengths at which a curve of the index is drawn."""
+    known = index_waves(fit)
+    return np.linspace(known.min(), known.max(), _FINE)
+
+
 def _has_k(fit: FitData) -> bool:
     """Whether there is a k to be drawn: one above 0, or its upper limit."""
-    k, e = np.asarray(fit.k), fit.parameters.get("k")
+    k, e = fit.k if fit.shape else fit.index(_fine(fit)).k, fit.parameters.get("k")
     return bool((np.nan_to_num(k) > 0.0).any() or (e and np.isfinite(e.upper_limit).any()))
 
 
@@ -319,8 +325,7 @@ def _draw_index(
     A tick marks a wavelength at which the data do not determine them. reference: a named material,
     whose eta and k are drawn for comparison; None for none.
     """
-    known = index_waves(fit)
-    fine = np.linspace(known.min(), known.max(), _FINE)
+    fine = _fine(fit)
     lines: list[tuple[Any, str, dict[str, Any]]] = [
         (
             (fine, *other.index(fine)[1::2]) if not other.shape else

@@ -191,7 +191,9 @@ TRY: dict[str, _Tries | Callable[[Mapping[str, Any]], _Tries]] = {
     "few_starts_agree": wording.more_starts,
     "better_minimum_met": wording.more_starts,
     "chi2_large": lambda v: (
-        () if v["own"] else (("Errors wrong?", "--errors equal"), *wording.instrument_errors(v))
+        ()
+        if v["no_sample"]
+        else (("Errors wrong?", "--errors equal"), *wording.instrument_errors(v))
     ),
     "compatible_with_zero": wording.left_out,
     "quadratic_misleads": (("", "--intervals auto"),),

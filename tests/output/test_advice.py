@@ -91,7 +91,7 @@ CASES = [
         ONE,
         {"along": "wavelength", "powers": True, "as_it_is": True},
     ),
-    ("chi2_large", METAL, {}, {"own": False, "measured": ()}),
+    ("chi2_large", METAL, {}, {"no_sample": False, "measured": ()}),
     ("compatible_with_zero", GLASS, {}, None),
     ("quadratic_misleads", GLASS, {}, {}),
     ("prior_contradicted", GLASS, {**ONE, "priors": {"eta": (1.6, 1e-2)}}, None),
