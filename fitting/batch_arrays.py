@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.data.checks import EXCURSION, unmasked
 from fitting.data.measurement import Measurement
-from fitting.data.quantities import ANGLES, POWERS, TABLE
+from fitting.data.quantities import ANGLES, DELTAS, POWERS, TABLE
 from fitting.results.result import FitData
 
 _Arrays = dict[str, Any]
@@ -43,8 +43,8 @@ def without_refused(given: _Arrays, sigma: Any) -> tuple[_Arrays, Any, np.ndarra
     powers = [~v.any(-1) for q, v in values.items() if q in POWERS]
     if powers:
         refuse(np.logical_and.reduce(np.broadcast_arrays(*powers)), "all powers are 0.")
-    if set(values) >= set(ANGLES):
-        lone = np.isnan(values["psi"]) & np.isfinite(values["delta"])
+    for q in {*DELTAS} & {*values} if "psi" in values else ():
+        lone = np.isnan(values["psi"]) & np.isfinite(values[q])
         if lone.any():
             refuse(lone.any(-1), "values of Delta have no psi beside them.")
     errors = sigma if isinstance(sigma, Mapping) else {"sigma": sigma}
@@ -92,8 +92,9 @@ def arrays_of(given: Mapping[str, Any], sigma: Any, angles_deg: Any, wavelength_
     if not np.isfinite(angle).all():
         raise ValueError("angles_deg must be an array of finite numbers.")
     wanted = "fractions were wanted; for percent divide by 100"
+    units = "numbers from -1 to 1 were wanted", "degrees were wanted"
     values = {
-        q: _numbers(q, v, *_range(q), wanted if q in POWERS else "degrees were wanted")
+        q: _numbers(q, v, *_range(q), wanted if q in POWERS else units[q in ANGLES])
         for q, v in given.items()
     }
     waves = np.nan if wavelength_um is None else wavelength_um
@@ -178,7 +179,7 @@ def pattern_of(
     curves: Mapping[str, np.ndarray], sigma: Any, angle_deg: np.ndarray, wavelength_um: np.ndarray
 ) -> Measurement:
     """Return a measurement of all quantities at all points, with values that are those of none."""
-    middle = {"psi": (20.0, 70.0), "delta": (60.0, 300.0)}
+    middle = {"psi": (20.0, 70.0), "delta": (60.0, 300.0), "delta_folded": (60.0, 120.0)}
     rows = len(angle_deg)
     values: dict[str, Any] = {q: np.linspace(*middle.get(q, (0.2, 0.8)), rows) for q in curves}
     errors = {q: 1e-3 for q in curves} if sigma else None

@@ -102,7 +102,8 @@ def fit_many(
     *,
     R_s: Any = None, R_p: Any = None, R: Any = None, R_back: Any = None,
     T_s: Any = None, T_p: Any = None, T: Any = None,
-    psi: Any = None, delta: Any = None,
+    psi: Any = None, delta: Any = None, delta_folded: Any = None,
+    N: Any = None, C: Any = None, S: Any = None,
     sigma: Any = None,
     sample: str | Sample = "free",
     free: str | Iterable[str] = (),
@@ -131,9 +132,9 @@ def fit_many(
         angles_deg: (M,) degrees of incidence from the normal, 0 to 90; or (..., M), angles of its
             own for each curve.
         wavelength_um: micrometres, a number or (M,); None of a bare surface with one index.
-        R_s, ..., delta: (..., M) values as `fit` takes them, powers as fractions, psi and delta in
-            degrees; at least one. Each of the M points has an angle and a wavelength. NaN marks a
-            missing value.
+        R_s, ..., S: (..., M) values as `fit` takes them, powers as fractions, psi, delta and
+            delta_folded (Delta from 0 to 180) in degrees, N, C, S from -1 to 1; at least one. Each
+            of the M points has an angle and a wavelength. NaN marks a missing value.
         sigma: None, or standard errors above 0 that broadcast to the data: the same for all
             quantities, or a mapping from these names to errors. NaN leaves the datum out.
         sample: as for `fit`. An index that is free at every wavelength takes one wavelength.
@@ -165,7 +166,8 @@ def fit_many(
         raise ValueError(f"check is {check!r}; a number of curves, 0 or more, was wanted.")
     settings = settings_of(free, fixed, bounds, None, tie)
     every = {"R_s": R_s, "R_p": R_p, "R": R, "R_back": R_back, "T_s": T_s, "T_p": T_p, "T": T,
-             "psi": psi, "delta": delta}  # fmt: skip
+             "psi": psi, "delta": delta, "delta_folded": delta_folded,
+             "N": N, "C": C, "S": S}  # fmt: skip
     given = {name: unmasked(value) for name, value in every.items() if value is not None}
     if not given:
         raise ValueError(f"no values came; one or more of {', '.join(every)} were wanted.")

@@ -33,6 +33,7 @@ def read_csv(
     ratio_to: object = None,
     sigma: float | str | None = None,
     psi_unit: str | None = None,
+    delta_range: str | int | None = None,
     missing: object = None,
     ignore: object = None,
     lines: str | None = None,
@@ -73,6 +74,9 @@ def read_csv(
         sigma: standard error of the values that have none, a fraction (degrees for psi and delta);
             of the ratio, where there is one.
         psi_unit: deg or rad, for psi and delta.
+        delta_range: 180 for an ellipsometer that measures cos Delta (a rotating analyzer without a
+            compensator), whose Delta is compared as that or 360 - Delta; 360 for one that tells
+            them apart. Without it 180 is taken where a spectrum turns sharply at 0 or 180.
         missing: numbers or words that stand for a gap in the values, "0" or "-9999,bad"; "none" if
             zeros were measured.
         ignore: columns that shall not be read, by header or number from 1, "temperature,7". A
@@ -97,8 +101,8 @@ def read_csv(
         options = parse_options(dict(
             columns=columns, ignore=ignore, angle_deg=angle_deg, angle_unit=angle_unit,
             wavelength_um=wavelength_um, wavelength_unit=wavelength_unit, polarization=polarization,
-            scale=scale, sigma=sigma, psi_unit=psi_unit, missing=missing, lines=lines,
-            delimiter=delimiter, decimal=decimal, encoding=encoding, sheet=sheet,
+            scale=scale, sigma=sigma, psi_unit=psi_unit, delta_range=delta_range, missing=missing,
+            lines=lines, delimiter=delimiter, decimal=decimal, encoding=encoding, sheet=sheet,
         ))  # fmt: skip
         each = options if divide_by is None else options._replace(sigma=None, divided=True)
         column = divide_by if isinstance(divide_by, str) else ""

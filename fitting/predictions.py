@@ -122,8 +122,8 @@ def simulate(
             be given: a fit takes the highest photon energy of its data for it.
         angle_deg: degrees of incidence from the normal, 0 to 90.
         wavelength_um: micrometres; None for a bare surface whose index does not depend on it.
-        quantity: R_s, R_p, R, R_back, T_s, T_p, T, psi or delta. All three broadcast to one axis of
-            N points.
+        quantity: R_s, R_p, R, R_back, T_s, T_p, T, psi, delta, delta_folded (Delta or 360 - Delta,
+            whichever is below 180), N, C or S. All three broadcast to one axis of N points.
 
     Returns:
         (N,) float64, powers as fractions, psi and delta in degrees.

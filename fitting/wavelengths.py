@@ -98,7 +98,8 @@ def each_wavelength(
     size = 1 << int(count.max() - 1).bit_length()
     at = np.repeat(order[first][None], size, 0)
     at[slot, which] = np.arange(len(which))
-    names = "angle_deg", "wavelength_um", "s_share"
+    names = ["angle_deg", "wavelength_um", "s_share"]
+    names += ["folded"] * (points.folded is not None)
     own = {n: getattr(points, n)[at, 0] for n in names}
     own["held"] = np.repeat(job.u.held[:, None], len(count), 1)
     if np.ndim(job.targets.eta_i):

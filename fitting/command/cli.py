@@ -123,6 +123,7 @@ _READING = (
     ),
     ("sigma", "SIGMA", "standard error of values that have none, as a fraction (0.002)"),
     ("psi-unit", "UNIT", "unit of psi and Delta: deg or rad"),
+    ("delta-range", "DEGREES", "180 if Delta may be 360 - Delta (rotating analyzer), else 360"),
     ("missing", "VALUES", "numbers or words that mark missing values: 0 or -9999,bad"),
     ("ignore", "COLUMN,..", "columns that shall not be read: temperature,7"),
     ("lines", "FROM-TO", "lines to read: 10-200, 10- or -200"),

@@ -55,12 +55,22 @@ TABLE = {
     "delta": Quantity(
         ANGLE, -360.0, 360.0, "#D55E00", "s", False, r"$\Delta$", r"$\Delta$ (degrees)"
     ),
+    # Of a rotating analyzer, which measures cos Delta: Delta or 360 - Delta, what is below 180.
+    "delta_folded": Quantity(
+        ANGLE, 0.0, 180.0, "#D55E00", "s", True, r"$\Delta$ (folded)", r"$\Delta$ (degrees)"
+    ),
+    "N": Quantity(NUMBER, -1.0, 1.0, "#0072B2", "P", False, "$N$", "$N$, $C$, $S$"),
+    "C": Quantity(NUMBER, -1.0, 1.0, "#D55E00", "X", False, "$C$", "$N$, $C$, $S$"),
+    "S": Quantity(NUMBER, -1.0, 1.0, "#009E73", "P", False, "$S$", "$N$, $C$, $S$"),
 }
 QUANTITIES = tuple(TABLE)
 NAME = f"<U{max(map(len, QUANTITIES))}"  # an array of names
 POWERS = tuple(name for name, quantity in TABLE.items() if quantity.kind == POWER)
 # Those that one bare surface shows.
 REFLECTED = tuple(name for name in POWERS if not TABLE[name].of_layer)
+# cos 2psi, sin 2psi cos Delta and sin 2psi sin Delta: shorter than 1 where light is depolarized.
+STOKES = ("N", "C", "S")
+DELTAS = ("delta", "delta_folded")
 ANGLES = tuple(name for name, quantity in TABLE.items() if quantity.kind == ANGLE)
 # Powers of light of any polarization, R and T; and those of s- and p-polarized light, R_s to T_p.
 POWER_LETTERS = tuple(name for name in POWERS if {f"{name}_s", f"{name}_p"} <= set(POWERS))

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from fitting.data.quantities import POWERS
+from fitting.data.quantities import POWERS, STOKES
 from fitting.optics.instrument import SLIT, cosines, detected, slit
 from fitting.optics.layer_index import Pair, slices_of
 from fitting.optics.layer_index import medium_index as medium_index
@@ -168,10 +168,19 @@ def predicted(
         # Not stacked: XLA computes anew what it joins, and a fit of psi and Delta took 4 times as
         # long.
         ellipse = list(light.ellipse)
+        if _mixed(v):
+            intensity = light.R_s + light.R_p
+            ellipse = [x / intensity for x in ellipse]
+        out |= {q: x for q, x in zip(STOKES, ellipse, strict=True) if q in spec.channels}
         if _mixed(v) or not all(spec.media.coherent):
             # psi and Delta are angles, those of the polarized part of the light.
-            length = jnp.sqrt(sum(x * x for x in light.ellipse))
-            ellipse = [x / length for x in light.ellipse]
+            length = jnp.sqrt(sum(x * x for x in ellipse))
+            ellipse = [x / length for x in ellipse]
+        if points.folded is not None:
+            # The slope changes its sign with that of S; where S is 0, as of a transparent surface,
+            # it is that of S itself, so that k is still seen.
+            N, C, S = ellipse
+            ellipse = [N, C, jnp.where(points.folded & (S < 0.0), -S, S)]
         out[NCS] = ellipse
     return out
 

@@ -24,6 +24,7 @@ class Points(NamedTuple):
     distinct_um, place: where wavelengths repeat (angles, repeated rows), each of them once, (U, 1),
         and (M,) which of them belongs to each row; else None. The index is evaluated there: with
         two oscillators a fit at 3 angles takes half, one at 7 angles a third of the time.
+    folded: (M, 1), at which of them the sign of S is unknown (Delta from 0 to 180); None: at none.
     """
 
     angle_deg: Any
@@ -32,6 +33,7 @@ class Points(NamedTuple):
     file: Any
     distinct_um: Any = None
     place: Any = None
+    folded: Any = None
 
 
 class Media(NamedTuple):

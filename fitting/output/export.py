@@ -44,8 +44,8 @@ from fitting.results.result_parts import (
 
 _AS_IT_IS = (
     "names", "covariance", "correlation", "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data",
-    "rms", "rms_of", "status", "sigma_kind", "loss", "noise", "cost", "bic", "aicc", "evaluations",
-    "starts", "reached", "warnings", "notes", "alternatives",
+    "rms", "rms_of", "mse", "status", "sigma_kind", "loss", "noise", "cost", "bic", "aicc",
+    "evaluations", "starts", "reached", "warnings", "notes", "alternatives",
 )  # fmt: skip
 WRITTEN_BY = "written by fresnel-fit"
 DATA_MARK, INDEX_MARK = f"data of a fit, {WRITTEN_BY}", f"index of a fit, {WRITTEN_BY}"

@@ -248,6 +248,9 @@ def _of_one(fit: FitData) -> Facts:
         each = number(fit.chi2_reduced, 3) if fit.dof else "-"
         rows = [("chi2/dof", f"{each}  (chi2 {number(fit.chi2)}, {freedom} of freedom)")]
     rows.append(("rms", _rms(fit)))
+    if math.isfinite(fit.mse):
+        text = "1000 sqrt(sum of squares of N, C, S / (3 points - fitted parameters))"
+        rows.append(("MSE", f"{number(fit.mse, 3)}  ({text}, as ellipsometers print it)"))
     if fit.loss != "squares":
         unit = " times the stated errors" if fit.errors.stated else ""
         rows.append(("loss", f"{fit.loss}, for noise of {number(fit.noise, 3)}{unit}"))

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from fitting.data.quantities import DELTAS
 from fitting.optics.observe import predicted
 from fitting.optics.spec import NCS, Spec
 from fitting.problem.lanes import Ends
@@ -112,9 +113,10 @@ class Curves:
         }
         if NCS not in self.seen.channels:
             return out
-        some, delta = known["psi"], values.get("delta", np.nan * ones)
+        name = next((q for q in DELTAS if q in values), "delta")
+        some, delta = known["psi"], values.get(name, np.nan * ones)
         psi, delta = np.where(some, values["psi"], 45.0), np.where(some, delta, 0.0)
-        W = ncs_weights(psi, delta, errors["psi"], errors.get("delta", ones), self.stated)
+        W = ncs_weights(psi, delta, errors["psi"], errors.get(name, ones), self.stated)
         ncs = np.where(some, ncs_of(psi, np.nan_to_num(delta)), 0.0)
         return out | {"ncs": ncs, "ncs_weights": np.where(some, W, 0.0)}
 

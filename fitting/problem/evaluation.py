@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.data.measurement import Measurement
+from fitting.data.quantities import DELTAS
 from fitting.optics.averages import values_at, with_places
 from fitting.optics.spec import NCS
 from fitting.problem.observations import Observations, ncs_directions, observations, padded
@@ -236,8 +237,8 @@ def at_data(seen: Observations, value: np.ndarray) -> np.ndarray:
     if NCS in seen.channels:
         N, C, S = value[-3:]
         angles = 0.5 * np.arctan2(np.sqrt(C * C + S * S), N), np.arctan2(S, C) % (2.0 * np.pi)
-        for name, angle in zip(("psi", "delta"), angles, strict=True):
-            here = seen.quantity == name
+        for names, angle in zip((("psi",), DELTAS), angles, strict=True):
+            here = np.isin(seen.quantity, names)
             out[here] = np.degrees(angle[seen.row[here]])
     return out
 
@@ -266,8 +267,8 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
         sigma[here] = error[i, seen.row[here]]
     if NCS in seen.channels:
         of_angles = _slopes_of_angles(value[-3:], slope[-3:])
-        for name, by in zip(("psi", "delta"), of_angles, strict=True):
-            here = seen.quantity == name
+        for names, by in zip((("psi",), DELTAS), of_angles, strict=True):
+            here = np.isin(seen.quantity, names)
             sigma[here] = np.degrees(_error(by[seen.row[here]], at.covariance))
     fitted = at_data(seen, value)
 

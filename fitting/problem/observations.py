@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.data.measurement import Measurement
-from fitting.data.quantities import ANGLES, QUANTITIES
+from fitting.data.quantities import ANGLES, DELTAS, QUANTITIES
 from fitting.optics.spec import NCS, Points
 from fitting.results.diagnostics import Warning
 
@@ -140,11 +140,19 @@ def observations(
     )
     stated = errors != "equal" and bool(np.isfinite(error).all())
     wave = np.where(np.isnan(wavelength), -1.0, wavelength)
+    mirrored = quantity == "delta_folded"
     row = np.empty(len(value), int)
     rows: dict[tuple[float, ...], int] = {}
     seen: dict[tuple, int] = {}
     for i, key in enumerate(
-        zip(file.tolist(), angle.tolist(), wave.tolist(), share.tolist(), strict=True)
+        zip(
+            file.tolist(),
+            angle.tolist(),
+            wave.tolist(),
+            share.tolist(),
+            (mirrored & (not compared)).tolist(),
+            strict=True,
+        )
     ):
         again = (*key, quantity[i])
         repeat = seen[again] = seen.get(again, -1) + 1
@@ -157,6 +165,8 @@ def observations(
         keys[:, 0].astype(np.int32),
     )  # fmt: skip
     points = points._replace(**_repeated(points.wavelength_um[:, 0]))
+    if mirrored.any():
+        points = points._replace(folded=np.isin(np.arange(total), row[mirrored])[:, None])
     channels = [q for q in QUANTITIES if q not in ANGLES and (quantity == q).any()]
     pairs = np.isin(quantity, ANGLES)
     channel = np.where(pairs, NCS, quantity)
@@ -202,7 +212,7 @@ def labels_of(sources: list[str]) -> list[str]:
 
 
 def _ellipsometry(quantity, row, value, error, total: int, stated: bool):
-    psi_rows, delta_rows = quantity == "psi", quantity == "delta"
+    psi_rows, delta_rows = quantity == "psi", np.isin(quantity, DELTAS)
     if not (psi_rows.any() or delta_rows.any()):
         return np.empty((3, 0, 1)), np.empty((3, 3, 0, 1))
     table = np.full((4, total), np.nan)

@@ -103,7 +103,8 @@ def blocks_of(targets: Targets) -> list[Blocks]:
             return np.ascontiguousarray(np.swapaxes(by_block[..., pick, :], -1, -2))
 
         angle, wavelength, share = map(cut, targets.points[:3])
-        points = Points(angle, wavelength, share, np.zeros(1, int))
+        folded = None if targets.points.folded is None else cut(targets.points.folded)
+        points = Points(angle, wavelength, share, np.zeros(1, int), folded=folded)
         eta_i = cut(targets.eta_i) if np.ndim(targets.eta_i) else targets.eta_i
         ncs, weights = (cut(a) if np.size(a) else () for a in (targets.ncs, targets.ncs_weights))
         data = targets._replace(
@@ -118,7 +119,8 @@ def blocks_of(targets: Targets) -> list[Blocks]:
 def _flat(points: Points, eta_i: Any) -> tuple[Points, Any]:
     """Return points and the index before in one row."""
     angle, wavelength, share = (x.reshape(1, -1) for x in points[:3])
-    row = Points(angle, wavelength, share, jnp.zeros(1, int))
+    folded = None if points.folded is None else points.folded.reshape(1, -1)
+    row = Points(angle, wavelength, share, jnp.zeros(1, int), folded=folded)
     return row, eta_i.reshape(1, -1) if jnp.ndim(eta_i) else eta_i
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple, NoReturn
 
 from fitting.data.checks import all_alike, is_running
 from fitting.data.errors import refuse
-from fitting.data.quantities import POLARIZED, POWER_LETTERS, QUANTITIES
+from fitting.data.quantities import POLARIZED, POWER_LETTERS, QUANTITIES, STOKES
 from fitting.data.units import FORM_OF
 from fitting.reader.cells import is_missing, is_number, to_numbers
 from fitting.reader.names import Role, role_of
@@ -120,7 +120,10 @@ def roles_of(table: Table) -> list[Role]:
         "sigma " + name[1:] if orso and name[:1] == "s" and name[1:2].isupper() else name
         for name in table.names
     ]
-    return [role_of(name, unit) for name, unit in zip(names, table.units, strict=True)]
+    roles = [role_of(name, unit) for name, unit in zip(names, table.units, strict=True)]
+    # one letter alone says too little
+    alone = len({*STOKES} & {role.quantity for role in roles}) < 2
+    return [Role("") if alone and role.quantity in STOKES else role for role in roles]
 
 
 def _implicit(table: Table, roles: list[Role], filled: list[int]) -> list[Column]:

@@ -367,7 +367,7 @@ def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
 
 
 # of radians
-_LIMITS = {"psi": HALF_PI, "delta": 4.0 * HALF_PI}
+_LIMITS = {"psi": HALF_PI, "delta": 4.0 * HALF_PI, "delta_folded": 2.0 * HALF_PI}
 
 
 def psi_delta_unit(reading: Reading, columns: dict[int, np.ndarray]) -> dict[int, str]:

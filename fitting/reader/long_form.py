@@ -10,6 +10,7 @@ import numpy as np
 
 from fitting.data.checks import Data
 from fitting.data.errors import refuse
+from fitting.data.folds import folded
 from fitting.data.quantities import (
     NAME,
     POWER_LETTERS,
@@ -234,7 +235,10 @@ def long_columns(source: Any, options: Options) -> LongColumns:
         came = f"the {len(table.rows)} rows hold gaps only"
         refuse(f"{came}; at least one measured value was wanted.", table.lines[0])
     *columns, reference = (np.concatenate(column) for column in zip(*parts, strict=True))
-    data, reference = Data(*columns), None if by is None else reference
+    reference = None if by is None else reference
+    data = folded(Data(*columns), options.delta_range)
+    if (data.quantity == "delta_folded").any():
+        notes.append("Delta from 0 to 180 degrees, of unknown sign (--delta-range)")
     axes = {"angle": layout.angle, "wavelength": layout.wavelength, "polarizer": layout.polarizer}
     labels = {name: column.label for name, column in axes.items() if column is not None}
     return LongColumns(data, places, labels, _understood(reading, data, factor), reference)

@@ -25,6 +25,7 @@ _RANGES = {
 }  # fmt: skip
 _CHOICES = {
     "angle_unit": ANGLE_UNITS, "wavelength_unit": WAVELENGTH_UNITS, "psi_unit": ("deg", "rad"),
+    "delta_range": ("180", "360"),
     "decimal": (".", ","),
 }  # fmt: skip
 
@@ -53,6 +54,7 @@ class Options(NamedTuple):
     scale: float | None = None
     sigma: float | None = None
     psi_unit: str = ""
+    delta_range: str = ""
     missing: tuple[str, ...] = ()
     lines: tuple[int, int] = (1, 10**9)
     delimiter: str | None = None

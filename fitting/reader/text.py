@@ -6,7 +6,7 @@ import codecs
 import io
 import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from decimal import Decimal
 from os import PathLike
 from pathlib import Path, PurePath
@@ -27,6 +27,8 @@ STDIN = "-"
 # Angstrom), which Windows-1252 writes alike. It is the reading of bytes that are not UTF-8.
 _FALLBACK = "latin-1"
 _WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods", ".numbers")
+_PATH = (str, PathLike)
+Rows = Sequence[Sequence[str]]
 _ZIP = b"PK\x03\x04"
 # What lists the columns of a table: of dictionaries and pandas, of Arrow, of polars.
 _NAMES = ("keys", "column_names", "columns")
@@ -46,24 +48,17 @@ def _guess_encoding(data: bytes) -> str:
 
 def source_of(source: Any) -> str:
     """Return the name of a file, buffer or table as messages and results show it."""
-    if is_path(source):
-        return "standard input" if str(source) == STDIN else visible(Path(source).name)
-    if not hasattr(source, "read"):
-        return "table"
-    name = getattr(source, "name", None)
-    return visible(Path(name).name) if isinstance(name, str) else "buffer"
-
-
-def is_path(source: Any) -> bool:
-    """Return whether this is the path of a file, and no buffer or table."""
-    return isinstance(source, (str, PathLike))
+    name = source if isinstance(source, _PATH) else getattr(source, "name", None)
+    if isinstance(name, _PATH) and (name is source or hasattr(source, "read")):
+        return "standard input" if str(name) == STDIN else visible(Path(name).name)
+    return "buffer" if hasattr(source, "read") else "table"
 
 
 def _contents(source: Any) -> Any:
     """Return the bytes, or text, of a file, pipe, device or buffer, up to the limit."""
     size, data = 0, b""
     try:
-        if not is_path(source):
+        if not isinstance(source, _PATH):
             data = source.read()
         elif str(source) == STDIN:
             data = sys.stdin.buffer.read(MAX_BYTES + 1)
@@ -88,23 +83,6 @@ def _refuse_larger(size: int) -> None:
         )
 
 
-def _decoded(data: bytes, encoding: str | None) -> tuple[str, list[str]]:
-    """Return bytes as text, and a note on how they were read."""
-    chosen = str(encoding) if encoding else _guess_encoding(data)
-    try:
-        text = data.decode(chosen)
-        if "\0" in text:
-            raise ValueError("there are zero bytes")
-    except (UnicodeError, LookupError, ValueError) as error:
-        refuse(
-            f"the bytes are not {chosen} text ({error}). Say --encoding NAME (utf-8, utf-16, "
-            "latin-1, ...) if it is text; other workbooks than .xlsx, and PDF, must be "
-            "saved as CSV."
-        )
-    guessed = not encoding and chosen == _FALLBACK
-    return text, ["text read as Latin-1 (--encoding)"] if guessed else []
-
-
 def _written(value: Any, percent: bool = False) -> str:
     """Return a cell of a table as it is written in a text file; numbers to the last bit.
 
@@ -116,15 +94,8 @@ def _written(value: Any, percent: bool = False) -> str:
     return " ".join(visible(text.replace('"', "'"), "\t\r\n").split())
 
 
-def _tabbed(rows: Iterable[Sequence[str]]) -> list[str]:
-    """Return rows of cells as lines of a tabbed text."""
-    lines = [*map("\t".join, rows)]
-    _refuse_larger(sum(map(len, lines)))
-    return lines
-
-
-def _sheet(data: bytes, wanted: str | None) -> tuple[str, list[str]]:
-    """Return the name and the lines of the sheet of a workbook (.xlsx) that holds the data."""
+def _sheet(data: bytes, wanted: str | None) -> tuple[str, Rows]:
+    """Return the name and the rows of the sheet of a workbook (.xlsx) that holds the data."""
     try:
         import openpyxl
     except ImportError:
@@ -150,11 +121,11 @@ def _sheet(data: bytes, wanted: str | None) -> tuple[str, list[str]]:
         came = "more than one sheet holds something" if len(names) > 1 else "no sheet holds data"
         came = came if wanted is None else f"there is no sheet {wanted!r}"
         refuse(f"{came}. Say --sheet NAME with one of {', '.join(map(repr, sheets))}.")
-    return chosen[0], _tabbed(sheets[chosen[0]])
+    return chosen[0], sheets[chosen[0]]
 
 
-def _column_lines(table: Any) -> list[str]:
-    """Return the named columns of a table as lines: names, units where it has some, rows."""
+def _rows_of(table: Any) -> Rows:
+    """Return the named columns of a table as rows: names, units where it has some, values."""
     units: dict[str, str] = {}
     if hasattr(table, "coords"):  # of xarray, where units are attributes
         every = table if hasattr(table, "data_vars") else table.to_dataset(name=table.name or "?")
@@ -164,9 +135,9 @@ def _column_lines(table: Any) -> list[str]:
         table = table.to_frame()
     if any(name is not None for name in getattr(getattr(table, "index", None), "names", ())):
         table = table.reset_index()  # of pandas, which has angles or wavelengths there
-    every = (getattr(table, of, None) for of in _NAMES)
-    listed: Any = next((names for names in every if names is not None), ())
-    names = list(listed() if callable(listed) else listed)
+    listed: Any = next((getattr(table, of) for of in _NAMES if hasattr(table, of)), ())
+    names: Any = listed() if callable(listed) else listed
+    names = [*names]
     if not names:
         refuse(
             f"{type(table).__name__} came; a table with named columns was wanted, such as a data "
@@ -181,7 +152,7 @@ def _column_lines(table: Any) -> list[str]:
     heads = [names, [units.get(str(name), "") for name in names]][: 1 + any(units.values())]
     cells = [[_written(x) for x in (c.astype(float) if c.dtype.kind == "f" else c).tolist()]
              for c in columns]  # fmt: skip
-    return _tabbed([*([*map(_written, head)] for head in heads), *zip(*cells, strict=True)])
+    return [*([*map(_written, head)] for head in heads), *zip(*cells, strict=True)]
 
 
 class Lines(NamedTuple):
@@ -208,25 +179,36 @@ def read_lines(source: Any, encoding: str | None = None, sheet: str | None = Non
     Lines end with LF, CRLF or CR. Refuses a file where there is no text to read.
     """
     name = source_of(source)
-    if is_path(source) or hasattr(source, "read"):
-        data = _contents(source)
-        if isinstance(data, bytes) and data.startswith(_ZIP) and b"xl/workbook" in data:
-            if encoding:
-                refuse("--encoding is for text, and this is a spreadsheet. Leave it out.")
-            title, texts = _sheet(data, sheet)
-            return Lines(texts, [f"sheet {title!r}"], f"{PurePath(name).stem} {title}", True)
-        if PurePath(name).suffix.lower() in _WORKBOOKS:
-            refuse("this is the name of a workbook, but no .xlsx workbook. Save the sheet as CSV.")
-        text, notes = (data, []) if isinstance(data, str) else _decoded(data, encoding)
-    else:
-        text, notes = "", []
-    if sheet:
+    data: Any = _contents(source) if isinstance(source, _PATH) or hasattr(source, "read") else None
+    book = isinstance(data, bytes) and data.startswith(_ZIP) and b"xl/workbook" in data
+    if sheet and not book:
         refuse(f"--sheet {sheet} is for a spreadsheet (.xlsx), which this is not. Leave it out.")
-    if not (is_path(source) or hasattr(source, "read")):
-        return Lines(_column_lines(source), [], "", True)
+    if encoding and (book or data is None):
+        refuse("--encoding is for text, and this is a table. Leave it out.")
+    if book or data is None:
+        title, rows = _sheet(data, sheet) if book else ("", _rows_of(source))
+        lines = [*map("\t".join, rows)]
+        _refuse_larger(sum(map(len, lines)))
+        said = f"{PurePath(name).stem} {title}" * book
+        return Lines(lines, [f"sheet {title!r}"] * book, said, True)
+    if PurePath(name).suffix.lower() in _WORKBOOKS:
+        refuse("this is the name of a workbook, but no .xlsx workbook. Save the sheet as CSV.")
+    chosen = "" if isinstance(data, str) else str(encoding or _guess_encoding(data))
+    try:
+        text: str = data.decode(chosen) if chosen else data
+        if "\0" in text:
+            raise ValueError("there are zero bytes")
+    except (UnicodeError, LookupError, ValueError) as error:
+        refuse(
+            f"the bytes are not {chosen} text ({error}). Say --encoding NAME (utf-8, utf-16, "
+            "latin-1, ...) if it is text; a PDF, or a workbook that is no .xlsx, must be saved as "
+            "CSV."
+        )
     if _MARKED_UP.match(text):
         refuse("this is JSON or markup, not a table. Export the curve as CSV.")
+    guessed = not encoding and chosen == _FALLBACK
     text = visible(text.removeprefix("\ufeff").replace("\f", " ").replace("\v", " "), "\t\r\n")
     lines = _LINE_END.split(text)
     lines = lines if lines[-1] else lines[:-1]  # what stands behind the last line end is no line
+    notes = ["text read as Latin-1 (--encoding)"] if guessed else []
     return Lines(lines, notes, PurePath(name).stem)

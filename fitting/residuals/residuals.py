@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitting.data.measurement import Measurement
+from fitting.data.quantities import DELTAS
 
 
 def residuals(measurement: Measurement, fitted: np.ndarray) -> np.ndarray:
@@ -33,7 +34,7 @@ def arcs(measurement: Measurement, fitted: np.ndarray) -> np.ndarray:
     They are 1 for R and T; for psi and Delta in degrees they give arcs on the sphere of N, C, S.
     """
     m = measurement
-    psi, delta = m.quantity == "psi", m.quantity == "delta"
+    psi, delta = m.quantity == "psi", np.isin(m.quantity, DELTAS)
     out = np.ones(len(m))
     if not (psi.any() or delta.any()):
         return out

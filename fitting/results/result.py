@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from fitting.data.measurement import Measurement
+from fitting.data.quantities import DELTAS, STOKES
 from fitting.results.diagnostics import Finding, Warning
 from fitting.results.result_parts import (
     Alternative,
@@ -100,6 +101,23 @@ class FitData:
     def values(self) -> dict[str, Any]:
         """Name -> value of all parameters, fitted, fixed and tied."""
         return {name: e.value for name, e in self.parameters.items()}
+
+    @property
+    def mse(self) -> float:
+        """What ellipsometers call the mean squared error, of unweighted residuals of N, C and S.
+
+        1000 sqrt(sum of squares / (3 n - m)), n points of psi and Delta or of N, C, S (of psi
+        alone one counts, N), m fitted parameters; NaN without these, and of a batch.
+        Source: J. A. Woollam Co., CompleteEASE manual, section on the mean squared error.
+        """
+        m = self.measurement
+        if m is None or self.shape:
+            return np.nan
+        count = {q: int((m.quantity == q).sum()) for q in STOKES}
+        count["NCS"] = int((m.quantity == "psi").sum() + 2 * np.isin(m.quantity, DELTAS).sum())
+        squares = sum(n * self.rms_of.get(q, 0.0) ** 2 for q, n in count.items())
+        freedom = sum(count.values()) - len(self.names)
+        return 1e3 * float(np.sqrt(squares / freedom)) if freedom > 0 else np.nan
 
     @property
     def correlation(self) -> np.ndarray:

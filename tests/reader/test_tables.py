@@ -116,6 +116,8 @@ def test_tables_that_are_none() -> None:
         read_csv({"angle_deg": [1, 2], "R": [0.1, 0.2, 0.3]})
     with pytest.raises(MeasurementError, match="sheet x is for a spreadsheet"):
         read_csv(FRAME, sheet="x")
+    with pytest.raises(MeasurementError, match="encoding is for text"):
+        read_csv(FRAME, encoding="utf-8")
     every: tuple[Any, ...] = (pd.DataFrame(FRAME), "gold.csv", FRAME)
     for came in every:
         with pytest.raises(ValueError, match=r"came where a Measurement .*fit\(read_csv\("):
