@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fitting.outcomes.findings import with_headline
 from fitting.output import export, files, page, pictures, summary
 from fitting.predictions import predict
 from fitting.residuals.residuals import residuals
@@ -24,8 +25,8 @@ class Fit(FitData):
 
     @classmethod
     def of(cls, data: FitData) -> Fit:
-        """Return the result with these data."""
-        return cls(**vars(data))
+        """Return the result with these data; its status is that which its warnings leave."""
+        return cls(**vars(with_headline(data)))
 
     def predict(self, at: Any = None, quantity: Any = "R", wavelength_um: Any = None) -> Prediction:
         """Return the values that the fitted sample gives, with their standard errors.

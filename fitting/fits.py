@@ -16,20 +16,22 @@ from typing import Any
 import numpy as np
 
 from fitting.data.measurement import Measurement, concatenate
-from fitting.data.quantities import POWERS
+from fitting.data.quantities import POWERS, are_powers
 from fitting.fit_result import Fit
 from fitting.free_films import check_free_film, fit_free_film, free_film
+from fitting.optics.instrument import instrument_parameter
 from fitting.outcomes.batched import stacked
 from fitting.outcomes.doubtful_index import notes_on
-from fitting.outcomes.findings import Subject
+from fitting.outcomes.findings import Subject, with_headline
 from fitting.outcomes.outcome import fit_of
 from fitting.outcomes.surface_verdicts import with_verdicts
 from fitting.problem.observations import labels_of, missing_errors
 from fitting.problem.problem import FitOptions, Kept
 from fitting.residuals.error_model import NEED_STATED, RELATIVE
 from fitting.residuals.residuals import weighted_residuals
-from fitting.results.diagnostics import Warning
+from fitting.results.diagnostics import Finding, Warning, ranked
 from fitting.results.result import FitData
+from fitting.results.result_parts import CONVERGED, DETERMINED, MISFIT
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
@@ -38,8 +40,9 @@ from fitting.searching.film_starts import film_starts, films_of
 from fitting.searching.stages import searched
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
-from fitting.uncertainty.intervals import check_choices
-from fitting.uncertainty.stated_errors import with_added_error
+from fitting.uncertainty.intervals import QUADRATIC, check_choices
+from fitting.uncertainty.likelihood import MARGIN
+from fitting.uncertainty.stated_errors import covering, with_added_error
 from fitting.uncertainty.widening import widened
 from fitting.wavelengths import check_wavelengths, fit_wavelengths, problem_of
 
@@ -127,8 +130,85 @@ def fit_checked(
         missing_errors(measurements, asked.errors),
         _misses_of_files(measurements, found),
     )
-    found = replace(found, notes=(*missing, *notes_on(found), *misses))
-    return widened(found) if asked.errors == "auto" else found
+    notes, pseudo = notes_on(found)
+    found = replace(
+        found, notes=(*missing, *notes, *misses), findings=ranked([*found.findings, *pseudo])
+    )
+    if asked.errors != "auto":
+        return found
+    found = with_headline(widened(found))
+    far = np.any(np.equal(found.status, MISFIT)) and found.loss == "squares"
+    if far and not missing and not settings.priors and found.errors.stated and asked.thorough:
+        return covering(again, measurements, found)
+    return found
+
+
+def _imperfections(m: Measurement, settings: Settings) -> tuple[str, ...]:
+    """Return the parameters of the instrument that might explain a misfit of such data."""
+    powers, oblique = are_powers(m.quantity), (m.angle_deg > 0.0).any()
+    names = ["angle_offset"] * bool(oblique)
+    names += ["scale", "background"] * bool(powers.any())
+    split = np.char.find(m.quantity[powers], "_") >= 0
+    names += ["leak"] * bool(oblique and split.any())
+    mentioned = {name.partition("[")[0] for name in settings.names}
+    return tuple(n for n in names if n not in mentioned)
+
+
+# A layer that a surface may have unasked (an oxide, water, roughness), by its index and thickness.
+_COVER = "1.46", "0.2..30 nm"
+
+
+def explained(
+    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions,
+    found: FitData,
+) -> FitData:  # fmt: skip
+    """Return a misfit, and what of the instrument or which layer describes its data better.
+
+    Each is fitted beside all unknowns, and compared by BIC; those of the instrument share one
+    program.
+    """
+    m = found.measurement
+    if found.shape or found.status != MISFIT or m is None:
+        return found
+    names = _imperfections(m, settings)
+    errors = "scaled" if found.errors.stated else "equal"
+    how = asked._replace(errors=errors, intervals=QUADRATIC, thorough=False, near=asked.kept_as)
+
+    def fitted(name: str, sample: Sample = sample, free: tuple[str, ...] = ()) -> FitData:
+        quiet = {n: float(instrument_parameter(n).held or 0.0) for n in names if n not in free}
+        freed = settings._replace(
+            free=(*settings.free, *free), fixed={**settings.fixed, **quiet}, variants=tuple(quiet)
+        )
+        return fit_checked(measurements, sample, freed, how._replace(kept_as=name))
+
+    own = found.names
+    tried = [(name, fitted(name, free=(name,)), own) for name in names]
+    if not settings.names and np.isfinite(m.wavelength_um).all():
+        first, *rest = map(str, sample.media)
+        text = " | ".join([first, " ".join(_COVER), *rest])
+        covered = fitted("layer", Sample.parse(text))
+        same = [n for n in covered.names if "thickness" not in n or n != covered.names[0]]
+        tried.append(
+            (f"a layer of index {_COVER[0]} on top, in the sample '{text}'", covered, same)
+        )
+    least = fitted("").bic - MARGIN
+    good = [t for t in tried if t[1].status in DETERMINED and t[1].bic < least]
+    # What describes the data is named alone; else what comes nearest.
+    good = [t for t in good if t[1].status == CONVERGED] or good
+    good.sort(key=lambda t: t[1].bic)
+    said = []
+    for what, f, same in [t for t in good if t[1].bic <= good[0][1].bic + MARGIN]:
+        new = {n: e for n, e in f.parameters.items() if e.free and n not in same}
+        after = {n: f.parameters[other] for n, other in zip(own, same, strict=True)}
+        each = [
+            {n: tuple(map(float, (e.value, e.sigma, *e.interval))) for n, e in of.items()}
+            for of in (new, after)
+        ]
+        said.append((what, f.rms, f.status == CONVERGED, *each))
+    if not said:
+        return found
+    told = Finding("explained_by", np.True_, {"explanations": said})
+    return replace(found, findings=ranked([*found.findings, told]))
 
 
 def _misses_of_files(measurements: Sequence[Measurement], found: FitData) -> tuple[Warning, ...]:
@@ -230,4 +310,5 @@ def fit(
     check_search(starts, start, seed)
     settings = settings_of(free, fixed, bounds, priors, tie)
     asked = FitOptions(errors, intervals, loss, seed, Kept({}, {}), starts, start)
-    return Fit.of(fit_checked(measurements, which, settings, asked))
+    found = fit_checked(measurements, which, settings, asked)
+    return Fit.of(explained(measurements, which, settings, asked, with_headline(found)))

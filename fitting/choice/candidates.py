@@ -30,12 +30,11 @@ from fitting.residuals.pattern import pattern
 from fitting.residuals.residuals import weighted_residuals
 from fitting.results.diagnostics import Finding, Warning
 from fitting.results.result import FitData
-from fitting.results.result_parts import CONVERGED, NOT_CONVERGED
+from fitting.results.result_parts import DETERMINED, NOT_CONVERGED
+from fitting.uncertainty.likelihood import MARGIN
 
-# "Positive" evidence ends and "strong" begins at a difference of 6 (Kass and Raftery). With the
-# first the rate of needless parameters is that of single tests (4 % at 60 data) times the number
-# of candidates; with this one it was measured at below 5 % for all of them together.
-MARGIN = 6.0
+# With a MARGIN of 2 the rate of needless parameters is that of single tests (4 % at 60 data) times
+# the number of candidates; with this one it was measured at below 5 % for all of them together.
 # Candidates whose BIC is higher than that of the one taken by no more are searched further. One fit
 # of an oscillator had rested 20.7 of chi2 above the end of its valley.
 FURTHER = 30.0
@@ -82,7 +81,7 @@ class Candidate(NamedTuple):
     @property
     def good(self) -> bool:
         """Whether it may be taken."""
-        return self.fit.status == CONVERGED and bool(np.isfinite(self.fit.bic))
+        return self.fit.status in DETERMINED and bool(np.isfinite(self.fit.bic))
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,6 @@ from typing import Any
 import numpy as np
 
 from fitting.choice.candidates import (
-    MARGIN,
     Candidate,
     Choice,
     Key,
@@ -59,6 +58,7 @@ from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import AUTO, Sample
 from fitting.samples.sample_checks import check_fit
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
+from fitting.uncertainty.likelihood import MARGIN
 
 
 class Trials:

@@ -16,14 +16,14 @@ from fitting.maps.map_store import CODES, MASKED, PENDING, STATUSES, MapStore
 from fitting.output.page import document, element, figure, html_table
 from fitting.output.pictures import picture_bytes
 from fitting.predictions import predict
-from fitting.results.result_parts import CONVERGED
+from fitting.results.result_parts import CONVERGED, MISFIT
 
 # A picture has about so many pixels along an axis, and a scale between these quantiles.
 _MOST, _QUANTILES = 1000, (0.02, 0.98)
 _WORST = 4
 _COLORS = {PENDING: "#ffffff", CONVERGED: "#009E73", "undetermined": "#E69F00",
-           "not converged": "#D55E00", "no data": "#bbbbbb", "refused": "#CC79A7",
-           MASKED: "#595959"}  # fmt: skip
+           MISFIT: "#56B4E9", "not converged": "#D55E00", "no data": "#bbbbbb",
+           "refused": "#CC79A7", MASKED: "#595959"}  # fmt: skip
 
 
 def plot_map(dataset: Any) -> Any:

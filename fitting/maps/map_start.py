@@ -17,7 +17,7 @@ from fitting.batch_arrays import without_refused
 from fitting.batches import fit_many
 from fitting.fit_result import Fit
 from fitting.maps.cube import Cube
-from fitting.results.result_parts import CONVERGED
+from fitting.results.result_parts import DETERMINED
 from fitting.samples.sample import Sample
 
 # The warnings of a pixel that the sample, at this minimum, does not describe.
@@ -125,7 +125,7 @@ def begin(cube: Cube, sample: Sample, options: Mapping[str, Any], shared: tuple[
         bounds = {n: b for n, b in (options.get("bounds") or {}).items() if n not in shared}
         found = fitted({"fixed": fixed, "bounds": bounds})
         slopes = {n: by_name[:, names.index(n)].tolist() for n in found.names}
-    good = np.ravel(np.asarray(found.status) == CONVERGED)
+    good = np.ravel(np.isin(found.status, DETERMINED))
     good = good if good.any() else np.ravel(np.asarray(found.status) != "")
     starts, others = {}, {}
     # The pixels of a bare surface have starts of their own.
@@ -150,7 +150,7 @@ def _joint(found: Fit, which: list[int]) -> tuple[np.ndarray, np.ndarray, np.nda
     pixel's derivatives of all parameters by them, (pixels, P, shared)."""
     covariance = found.covariance.reshape(-1, *found.covariance.shape[-2:])
     value = np.stack([np.ravel(found.parameters[n].value) for n in found.names], -1)
-    good = np.ravel(np.asarray(found.status) == CONVERGED) & np.isfinite(covariance).all((1, 2))
+    good = np.ravel(np.isin(found.status, DETERMINED)) & np.isfinite(covariance).all((1, 2))
     good &= np.isfinite(value).all(1)
     if good.sum() < 2:
         raise ValueError(

@@ -27,7 +27,7 @@ from fitting.results.sentences import SENTENCES
 
 PENDING, MASKED = "pending", "masked"
 STATUSES = (PENDING, parts.CONVERGED, parts.UNDETERMINED, parts.NOT_CONVERGED, parts.NO_DATA,
-            parts.REFUSED, MASKED)  # fmt: skip
+            parts.REFUSED, MASKED, parts.MISFIT)  # fmt: skip
 # A warning that maps alone have: the fringe order of a pixel is in doubt.
 ORDER = "fringe_order"
 CODES = (*SENTENCES, ORDER)

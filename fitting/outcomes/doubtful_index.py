@@ -20,7 +20,7 @@ from fitting.optics.averages import values_at
 from fitting.optics.spec import NCS
 from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
-from fitting.results.diagnostics import Warning
+from fitting.results.diagnostics import Finding, Warning
 from fitting.results.result import FitData
 from fitting.samples.dispersion import CAUCHY_NAMES, Model
 from fitting.searching.film_starts import film_index, films_of
@@ -34,12 +34,12 @@ MISSED = 0.006
 MISSED_CHI2 = 10.8
 
 
-def notes_on(found: FitData) -> tuple[Warning, ...]:
-    """Return the notes on a pseudo-index, fitted at each wavelength; none on other fits."""
+def notes_on(found: FitData) -> tuple[tuple[Warning, ...], tuple[Finding, ...]]:
+    """Return the notes and findings on a pseudo-index of each wavelength; none on other fits."""
     sample, m = found.sample, found.measurement
     bare = sample is not None and sample.bare and sample.by_wavelength
     if not bare or m is None or not np.isin(m.quantity, ANGLES).any():
-        return ()
+        return (), ()
     wavelengths, chi2, dof = map(np.atleast_1d, (found.wavelength_um, found.chi2, found.dof))
     missed = np.nan_to_num(np.atleast_1d(found.rms_of.get(NCS, 0.0)))
     # No bare boundary has psi and Delta there. chi2 is NaN without stated errors.
@@ -55,7 +55,12 @@ def notes_on(found: FitData) -> tuple[Warning, ...]:
                 "range_um": (float(at.min()), float(at.max())),
                 "misfit": float(missed[hit].max()),
             }))  # fmt: skip
-    return tuple(out)
+    told = {f.code: np.atleast_1d(f.at) for f in found.findings}
+    new = off & ~told.get("does_not_describe", np.zeros(len(off), bool))
+    if not new.any():
+        return tuple(out), ()
+    values = {"rms": found.rms, "sample": "one bare surface", "noise": np.nan}
+    return tuple(out), (Finding("does_not_describe", new.reshape(found.shape), values),)
 
 
 # The rise of eta with the logarithm of the wavelength from which on it is told, if it is more than

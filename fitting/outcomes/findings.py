@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,13 +17,14 @@ from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import OUT_OF_MODEL, beyond_chance
 from fitting.residuals.pattern import pattern
-from fitting.results.diagnostics import Finding, those
+from fitting.results.diagnostics import Finding, ranked, those
 from fitting.results.result import FitData
 from fitting.results.result_parts import (
     AT_LOWER,
     AT_UPPER,
     CONVERGED,
     FITTED,
+    MISFIT,
     NOT_CONVERGED,
     PROFILE,
     QUADRATIC,
@@ -51,6 +53,12 @@ FEW_REACHED = 3
 PRIOR_ERRORS = 4.0
 _MAY_VANISH = (*(set(INSTRUMENT) - {"scale"}), *"BCDEF")  # and the higher terms of Cauchy's index
 
+
+# What says that the sample does not describe the data: such a fit is a misfit, not converged.
+MISFITS = "does_not_describe", "candidates_do_not_describe"
+# Residuals whose neighbours are correlated by this are twice as large as the noise that second
+# differences show: the variance of these is 1 - 4 rho / 3 + rho^2 / 3 of theirs.
+_TWICE_THE_NOISE = 0.68
 
 _ENDS = {AT_LOWER: "lower", AT_UPPER: "upper"}
 
@@ -207,6 +215,33 @@ def _by_the_model_alone(u: Unknowns, m: Measurement, determined: bool) -> bool:
     columns = m.wavelength_um.tolist(), m.quantity.tolist(), m.angle_deg.tolist()
     normal = not m.angle_deg.any() and len(set(m.quantity.tolist())) == 1
     return normal or len({*zip(*columns, strict=True)}) == waves
+
+
+def _what(sample: Sample) -> str:
+    return "one bare surface" if sample.bare else "this stack" if sample.films else "this plate"
+
+
+def with_headline(found: FitData) -> FitData:
+    """Return the fits with the status "misfit" where the sample does not describe the data.
+
+    That is where a warning says so, or residuals are in order and larger than the stated errors or,
+    without these, than twice the noise.
+    """
+    told = list(found.findings)
+    missed = np.any([np.zeros(found.shape, bool), *(f.at for f in told if f.code in MISFITS)], 0)
+    for f in [f for f in told if f.code == "residuals_in_order" and found.sample is not None]:
+        far = beyond_chance(found.chi2_reduced, found.dof)[0]
+        if not found.errors.stated:
+            far = np.asarray(f.values["correlation"]).astype(float) > _TWICE_THE_NOISE
+        new = f.at & far & ~missed
+        if np.any(new):
+            values = {"rms": found.rms, "sample": _what(found.sample), "noise": np.nan,
+                      "measured": ()}  # fmt: skip
+            told.append(Finding("does_not_describe", new, values))
+            missed = missed | new
+    status = np.where(missed & np.equal(found.status, CONVERGED), MISFIT, found.status)
+    status = status if found.shape else status.item()
+    return replace(found, status=status, findings=ranked(told))
 
 
 def on_rows(
@@ -397,8 +432,7 @@ def findings_of_all(
     told += [*_other_minima(found, sure), ("few_starts_agree", sure & few, reached)]
     sample = found.sample
     if sample is not None:
-        what = "one bare surface" if sample.bare else "this stack" if sample.films else "this plate"
-        far = {"rms": found.rms, "sample": what, "noise": noise, "measured": measured}
+        far = {"rms": found.rms, "sample": _what(sample), "noise": noise, "measured": measured}
         told.append(("does_not_describe", ok & ((rms > OUT_OF_MODEL) | np.isfinite(noise)), far))
         told.append(("quadratic_misleads", ok & _turned(found), {}))
     seen = np.any([np.isfinite(e.sigma) for e in known.values()], axis=0)

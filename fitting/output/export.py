@@ -34,7 +34,7 @@ from fitting.residuals.residuals import residuals
 from fitting.results.diagnostics import Warning
 from fitting.results.result import FitData
 from fitting.results.result_parts import (
-    CONVERGED,
+    DETERMINED,
     UNDETERMINED,
     Alternative,
     Comparison,
@@ -379,7 +379,7 @@ def material_of(fit: FitData, medium: str | None = None) -> tuple[str, str]:
     it. Raises ValueError where there is no index or no wavelength.
     """
     band = fit.index(None, medium)
-    good = [CONVERGED] if fit.shape else [CONVERGED, UNDETERMINED]
+    good = [*DETERMINED] if fit.shape else [*DETERMINED, UNDETERMINED]
     known = np.isin(np.broadcast_to(np.ravel(fit.status), band.eta.shape), good)
     m = fit.measurement
     comments = ["The standard errors of n and k are in the CSV file beside this one."]

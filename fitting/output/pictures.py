@@ -52,7 +52,7 @@ from fitting.predictions import predict
 from fitting.process.visible import visible
 from fitting.residuals.residuals import residuals
 from fitting.results.result import FitData
-from fitting.results.result_parts import CONVERGED
+from fitting.results.result_parts import CONVERGED, DETERMINED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -273,7 +273,7 @@ def _each(axes: Axes, fit: FitData, name: str, color: str, x: np.ndarray, mark: 
     value, sigma, limit = (
         np.broadcast_to(a, fit.shape).ravel() for a in (e.value, e.sigma, e.upper_limit)
     )
-    good = np.ravel(fit.status) == CONVERGED
+    good = np.isin(np.ravel(fit.status), DETERMINED)
     known = good & np.isfinite(sigma) & ~np.isfinite(limit)
     if known.sum() > MANY:
         gap = np.where(known, value, np.nan)
@@ -365,7 +365,7 @@ def _draw_batch(figure: Figure, fit: FitData) -> Axes:
     labels = [with_unit(_symbol(name), fit.parameters[name].unit) for name in names]
     if len(fit.shape) == 2:  # white where no fit converged
         axes = np.atleast_1d(figure.subplots(1, len(names)))
-        good = np.asarray(fit.status) == CONVERGED
+        good = np.isin(fit.status, DETERMINED)
         for on, name, label in zip(axes, names, labels, strict=True):
             value = np.where(good, np.asarray(fit.parameters[name].value), np.nan)
             image = on.imshow(value, origin="lower", aspect="auto", interpolation="nearest")

@@ -43,7 +43,8 @@ class FitData:
     dof: data and priors minus fitted parameters, at least 0. n_data: a psi and a Delta are two.
     rms: root mean square of the unweighted residuals; for psi and Delta those of N, C, S. rms_of:
         the same by quantity ("NCS": psi and Delta).
-    status: "converged"; "undetermined" (a minimum, but the data do not determine some combination
+    status: "converged"; "misfit" (the best minimum, but the sample does not describe the data: a
+        warning says so); "undetermined" (a minimum, but the data do not determine some combination
         of the parameters); "not converged"; "no data"; of a batch also "refused" (data out of
         range; the warning says which).
     evaluations: how often residuals and derivatives were evaluated: by all starts of a bare

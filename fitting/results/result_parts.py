@@ -12,6 +12,8 @@ import numpy as np
 from fitting.data.measurement import Measurement
 
 CONVERGED, UNDETERMINED = "converged", "undetermined"
+MISFIT = "misfit"  # converged, but the sample does not describe the data
+DETERMINED = CONVERGED, MISFIT
 NOT_CONVERGED, NO_DATA = "not converged", "no data"
 REFUSED = "refused"  # one curve of a batch, whose data cannot be measurements
 FITTED, AT_LOWER, AT_UPPER = "fitted", "at lower bound", "at upper bound"

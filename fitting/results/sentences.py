@@ -78,6 +78,7 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
     ),
     "other_minima": wording.other_minima,
     "does_not_describe": wording.does_not_describe,
+    "explained_by": wording.explained_by,
     "residuals_in_order": wording.residuals_in_order,
     "few_starts_agree": (
         "only {reached} of {starts} starting points led to the best minimum: a better one may "
@@ -124,6 +125,11 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         "stated errors (log likelihood higher by {gain:.3g}), and is used."
     ),
     "errors_differ": wording.errors_differ,
+    "errors_cover": lambda v: (
+        "the stated errors are too small, and error models (scaled, floor, relative, equal) differ "
+        f"by more than their errors: the intervals of {wording.listed(v['parameters'])} cover "
+        "those of all of them."
+    ),
     "errors_of_each": lambda v: (
         "no errors are stated, and the scatter differs between the quantities, so that each is "
         "weighted by its own (from neighbouring residuals): "

@@ -138,6 +138,21 @@ def does_not_describe(v: Mapping[str, Any]) -> str:
     )
 
 
+def explained_by(v: Mapping[str, Any]) -> str:
+    def values(some: Mapping[str, Any]) -> str:
+        return ", ".join(
+            f"{n} {num(x)} +- {s:.2g}" if s > 0.0 else f"{n} {num(low)} to {num(high)} (95 %)"
+            for n, (x, s, low, high) in some.items()
+        )
+
+    each = "; or ".join(
+        f"{what}: {values(new)}, rms {num(rms)}{'' if fits else ', still no noise'}, and then "
+        f"{values(after)}"
+        for what, rms, fits, new, after in v["explanations"]
+    )
+    return f"the data are described better by {each}. Look for the cause, and fit with it."
+
+
 def residuals_in_order(v: Mapping[str, Any]) -> str:
     widened = v.get("widened", 1.0)
     then = (

@@ -25,6 +25,8 @@ import numpy as np
 from fitting.problem.programs import HUBER
 from fitting.problem.slopes import loss_of
 
+# "Positive" evidence ends and "strong" begins at a difference of BIC of 6 (Kass and Raftery).
+MARGIN = 6.0
 _EPS = float(np.finfo(float).eps)
 _ROOT = math.sqrt(2.0 * math.pi)
 # Z of each loss, and of the t law: the integral of exp(-rho/2).

@@ -16,6 +16,7 @@ from fitting.data.measurement import Measurement, concatenate
 from fitting.data.quantities import are_powers
 from fitting.residuals.error_model import (
     ADDED,
+    FLOOR,
     GAIN,
     OF_EACH,
     ROUNDS,
@@ -31,7 +32,7 @@ from fitting.residuals.noise import scatter_of_each
 from fitting.residuals.residuals import arcs, weighted_residuals
 from fitting.results.diagnostics import Finding, ranked, those
 from fitting.results.result import FitData
-from fitting.uncertainty.intervals import QUADRATIC
+from fitting.uncertainty.intervals import AUTO, QUADRATIC
 
 Run = Callable[[Sequence[Measurement], str], FitData]
 
@@ -206,3 +207,54 @@ def told(before: Mapping[str, Any], best: FitData, taken: Taken, chi2: Any) -> F
     )
     every = ranked([*best.findings, *(f for f in new if np.any(f.at))])
     return replace(best, chi2=chi2, chi2_reduced=reduced, errors=errors, findings=every)
+
+
+@np.errstate(all="ignore")
+def covering(run: Run, several: Sequence[Measurement], found: FitData) -> FitData:
+    """Return a misfit with intervals that cover those of all error models, where these disagree.
+
+    run: as for `with_added_error`. Residuals that are no noise have no likelihood by which one of
+    the error models were better than another.
+    """
+    joined, names = concatenate(*several), found.names
+    given, power = joined.sigma[None], are_powers(joined.quantity)
+    start = run(several, QUADRATIC)
+
+    def compared(_: np.ndarray, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        off = weighted_residuals(joined, model[0], stated=False)
+        return off[None], arcs(joined, model[0])[None]
+
+    others = [start]
+    for kind in ADDED if power.any() else (FLOOR,):
+        taken = further_errors(
+            kind, given, start.fitted[None], np.ones(1, bool), power, compared,
+            lambda sigma, _: run(_weighed(several, sigma[0]), QUADRATIC).fitted[None],
+        )  # fmt: skip
+        if taken.kind[0]:
+            others.append(run(_weighed(several, taken.sigma[0]), AUTO))
+    equal = np.sqrt(np.mean(compared(given, start.fitted[None])[0] ** 2))
+    others.append(
+        run(_weighed(several, equal / np.maximum(arcs(joined, start.fitted), 1e-3)), AUTO)
+    )
+    parameters, scale = dict(found.parameters), np.ones((*found.shape, len(names)))
+    moved = np.zeros(scale.shape, bool)
+    for i, name in enumerate(names):
+        e, each = found.parameters[name], [o.parameters[name] for o in others]
+        value, sigma = (np.stack([getattr(o, p) for o in each]) for p in ("value", "sigma"))
+        apart = (np.abs(value - e.value) > np.fmax(sigma, e.sigma)).any(0)
+        every = np.stack([e.interval, *(o.interval for o in each)])
+        wide = np.stack([np.nanmin(every[..., 0], 0), np.nanmax(every[..., 1], 0)], -1)
+        wide = np.where(apart[..., None], wide, e.interval)
+        factor = np.ptp(wide, axis=-1) / np.ptp(e.interval, axis=-1)
+        scale[..., i] = np.where(np.isfinite(factor), factor, 1.0)
+        new = (e.sigma * scale[..., i])[()]
+        limit = np.where(np.isfinite(e.upper_limit), wide[..., 1], np.nan)[()]
+        parameters[name] = replace(e, sigma=new, interval=wide, upper_limit=limit)
+        moved[..., i] = (wide != e.interval).any(-1)
+    if not moved.any():
+        return found
+    told = Finding("errors_cover", moved.any(-1), {"parameters": those(names, moved)})
+    return replace(
+        found, parameters=parameters, findings=ranked([*found.findings, told]),
+        covariance=found.covariance * scale[..., :, None] * scale[..., None, :],
+    )  # fmt: skip
