@@ -20,6 +20,7 @@ from fitting.optics.averages import values_at
 from fitting.optics.spec import NCS
 from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
+from fitting.process.compiled import fit_settings
 from fitting.results.diagnostics import Finding, Warning
 from fitting.results.result import FitData
 from fitting.samples.dispersion import CAUCHY_NAMES, Model
@@ -69,6 +70,34 @@ _LEAST, _ERRORS = 1e-3, 3.0
 # Of compact solids that transmit light an amorphous fluoropolymer has the lowest index, 1.29.
 # Porous layers have lower ones; so have metals, which absorb more than that.
 _LOW_ETA, _LOW_K = 1.25, 0.1
+
+
+# An index that rises over the spectrum by more than this is none of a material that is clear there,
+# and none of these has a higher one.
+_RISE, _CLEAR, _HIGHEST = 0.02, 1e-3, 6.0
+
+
+def of_a_solid(fit: Problem, y: np.ndarray) -> bool:
+    """Whether all fitted indices at y (p,) can be those of solids, at the measured wavelengths.
+
+    That is an index above that of air, up to 6 (of lead telluride), and without a rise with the
+    wavelength where nothing absorbs; source: see `_rising`.
+    """
+    u, waves = fit.u, np.unique(fit.seen.points.wavelength_um[fit.seen.measured, 0])
+    values = values_at(u.spec, u.held, y)
+    for place, model in zip(u.spec.media.places, u.spec.media.index, strict=True):
+        head = f"{place}."
+        names = {n for n in u.spec.moving if n.startswith(head) and "thickness" not in n}
+        if not isinstance(model, Model) or not names:
+            continue
+        own = {n.removeprefix(head): np.float64(v) for n, v in values.items() if head in n}
+        with fit_settings():
+            eta, k = (np.broadcast_to(a, waves.shape) for a in model.index(own, waves))
+        rise = np.maximum(np.diff(eta), 0.0)[np.maximum(k[1:], k[:-1]) < _CLEAR].sum()
+        clear = eta[k < _LOW_K]
+        if rise > _RISE or (clear < 1.0).any() or (clear > _HIGHEST).any():
+            return False
+    return True
 
 
 def implausible_indices(

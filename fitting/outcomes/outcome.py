@@ -12,6 +12,7 @@ import numpy as np
 from fitting.data.quantities import POWERS
 from fitting.optics.spec import Spec
 from fitting.outcomes.curvature import by_curvature
+from fitting.outcomes.doubtful_index import of_a_solid
 from fitting.outcomes.findings import Found, Subject, findings, findings_of_all
 from fitting.problem.evaluation import Evaluated
 from fitting.problem.lanes import STAGE, Ends, best_of, joined
@@ -197,6 +198,10 @@ def _minima(
         return Around(np.where(np.isfinite(edge), edge, np.inf), rows)
 
     found = minima(ends, scatter, most, rounding, around)
+    if len(found) > 1 and isinstance(fit.u.spec, Spec):
+        # Noise decides which of them is the lowest: what can be a material is shown first.
+        solid = next((m for m in found if of_a_solid(fit, ends.y[:, m.lane])), found[0])
+        found.sort(key=lambda m: m is not solid)
     free = [i for i, name in enumerate(fit.u.spec.moving) if name.endswith(".eta")]
     eta_i = float(np.mean(fit.targets.eta_i))
     if len(found) < 2 or len(free) != 1:  # of the surface, or of a plate

@@ -34,6 +34,18 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         "of the calibration. Check it with a reference, or measure psi and Delta."
     ),
     "candidates_do_not_describe": wording.does_not_fit,
+    "rising_index": lambda v: (
+        f"{wording.listed(v['indices'])} {'rises' if len(v['indices']) == 1 else 'rise'} with the "
+        "wavelength in a part of the spectrum. Without absorption the index of no material does: "
+        "there is absorption, or the formula does not describe the material, or another minimum is "
+        "the true one."
+    ),
+    "low_index": lambda v: (
+        f"{wording.listed(v['indices'])} {'is' if len(v['indices']) == 1 else 'are'} at most "
+        f"{v['most']:.3g} at the measured wavelengths. Compact solids that transmit light have "
+        "1.29 or more, and only porous layers have less. A thinner film of a higher index may fit "
+        "nearly as well: compare, with a narrower range of thicknesses or with bounds of the index."
+    ),
     "perfect_mirror": wording.mirror,
     "no_reflection": (
         "the data show no reflection, as of no boundary at all: eta is that of the medium outside "
@@ -63,18 +75,6 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         "eta and k are not determined by the data alone: those of no wavelength determine both. "
         "Only the form of the model separates them, also far outside of the measured range; the "
         "curve may fit well while eta and k are wrong by far more than their errors."
-    ),
-    "rising_index": lambda v: (
-        f"{wording.listed(v['indices'])} {'rises' if len(v['indices']) == 1 else 'rise'} with the "
-        "wavelength in a part of the spectrum. Without absorption the index of no material does: "
-        "there is absorption, or the formula does not describe the material, or another minimum is "
-        "the true one."
-    ),
-    "low_index": lambda v: (
-        f"{wording.listed(v['indices'])} {'is' if len(v['indices']) == 1 else 'are'} at most "
-        f"{v['most']:.3g} at the measured wavelengths. Compact solids that transmit light have "
-        "1.29 or more, and only porous layers have less. A thinner film of a higher index may fit "
-        "nearly as well: compare, with a narrower range of thicknesses or with bounds of the index."
     ),
     "other_minima": wording.other_minima,
     "does_not_describe": wording.does_not_describe,

@@ -65,3 +65,21 @@ def test_the_film_of_low_index_is_named():
     found = fit(m, sample, intervals="quadratic", starts=8, start=truth)
     assert found.parameters["film.thickness_nm"].value == pytest.approx(90.0, rel=0.02)
     assert [f.values["indices"] for f in found.findings if f.code == "low_index"] == [("film.eta",)]
+
+
+def test_of_minima_between_which_noise_decides_that_of_a_solid_is_shown():
+    """202 nm had been 879 nm, of eta .91 in the blue and rising, where chi2 is lower by .3."""
+    sample, rng = "air | cauchy 1..1000 nm | 1.52", np.random.default_rng(3)
+    waves = np.linspace(0.45, 0.85, 41)
+    truth = {"A": 1.9, "B": 0.012, "C": 2e-4, "thickness_nm": 202.0}
+    shown = {
+        q: simulate(sample, truth, 0.0, waves, q) + s * rng.standard_normal(41)
+        for q, s in (("R", 5e-4), ("T", 0.02))
+    }
+    found = fit(Measurement.from_columns(0.0, waves, **shown), sample, errors="equal")
+    assert abs(found.parameters["thickness_nm"].value - 202.0) < 3.0
+    assert "rising_index" not in {f.code for f in found.findings}
+    # The lower minimum is listed, with what it is lower by.
+    least = min(found.alternatives, key=lambda a: a.delta_chi2)
+    assert -6.0 < least.delta_chi2 < 0.0
+    assert least.parameters["A"].value < 1.1
