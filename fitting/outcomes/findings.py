@@ -235,8 +235,7 @@ def with_headline(found: FitData) -> FitData:
             far = np.asarray(f.values["correlation"]).astype(float) > _TWICE_THE_NOISE
         new = f.at & far & ~missed
         if np.any(new):
-            values = {"rms": found.rms, "sample": _what(found.sample), "noise": np.nan,
-                      "measured": ()}  # fmt: skip
+            values = {"rms": found.rms, "sample": _what(found.sample), "noise": np.nan}
             told.append(Finding("does_not_describe", new, values))
             missed = missed | new
     status = np.where(missed & np.equal(found.status, CONVERGED), MISFIT, found.status)

@@ -83,10 +83,11 @@ _SCALE = ("The scale may be off:", "--free scale")
 
 def instrument_errors(v: Mapping[str, Any]) -> Tries:
     """Return which error of the instrument may be the cause, by what was measured."""
-    if "NCS" in v["measured"]:
+    measured = v.get("measured") or ()
+    if "NCS" in measured:
         return (_ANGLES,)
-    polarized = {"R_s", "R_p", "T_s", "T_p"} & {*v["measured"]}
-    return (_LEAK if polarized else _SCALE,) if v["measured"] else ()
+    polarized = {"R_s", "R_p", "T_s", "T_p"} & {*measured}
+    return (_LEAK if polarized else _SCALE,) if measured else ()
 
 
 def drifted(v: Mapping[str, Any]) -> Tries:
