@@ -21,11 +21,11 @@ test: .venv/installed-test  ## the tests (several minutes on 2 cores)
 test-docs: .venv/installed-test .venv/installed-docs  ## that docs and examples run and print what is shown, and the benchmarks measure what they say
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "docs and not study"
 
-# Those that take a second or two, of each room of `fitting` and each part of `fresnel_jax`.
-QUICK := arithmetic cli_outputs covariance directions dispersion_calls fit fit_batch half_vector header_names \
-	interface_compiled kept_minima known_failures last_steps measurement model_refusals \
-	noise_and_misfit numbers order_of_residuals penetration_depth predictions progress reader_refusals \
-	reading rooms shapes stack_failures structures table trials
+# Of each room of `fitting` and each part of `fresnel_jax`: two minutes of processor time.
+QUICK := arithmetic cli_outputs covariance directions dispersion_calls fit half_vector header_names \
+	interface_compiled last_steps measurement model_refusals noise_and_misfit numbers \
+	order_of_residuals penetration_depth predictions progress reader_refusals reading rooms shapes \
+	stack_failures structures table trials
 
 quick: .venv/installed-test  ## a minute of tests of every part, for work in progress
 	$(BIN)/python -m pytest -n 2 --dist loadfile $(wildcard $(QUICK:%=tests/*/test_%.py))
