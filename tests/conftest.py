@@ -28,7 +28,7 @@ if FAST not in os.environ.get("XLA_FLAGS", ""):  # a worker has them already
 gc.set_threshold(100_000, 50, 100)
 
 # A gigabyte of programs, for a worker to stay below 1.5; of the 65,530 mappings of a process.
-MOST_MAPPINGS = 4_500
+MOST_MAPPINGS = 4_000
 # The workers of a run share what takes a second to compile, in a folder that is gone afterwards.
 # Not what takes less: writing thousands of programs ended in a segmentation fault of jaxlib once.
 LEAST_SECONDS = 1.0
