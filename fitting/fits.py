@@ -9,6 +9,7 @@ Fits run in float64, whether or not the caller has switched on jax_enable_x64.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -17,6 +18,7 @@ import numpy as np
 
 from fitting.data.measurement import Measurement, concatenate
 from fitting.data.quantities import POWERS, are_powers
+from fitting.data.scatter import LEAST_VALUES, differences
 from fitting.fit_result import Fit
 from fitting.free_films import check_free_film, fit_free_film, free_film
 from fitting.optics.instrument import instrument_parameter
@@ -27,7 +29,7 @@ from fitting.outcomes.outcome import fit_of
 from fitting.outcomes.surface_verdicts import with_verdicts
 from fitting.problem.observations import labels_of, missing_errors
 from fitting.problem.problem import FitOptions, Kept
-from fitting.residuals.error_model import NEED_STATED, RELATIVE
+from fitting.residuals.error_model import NEED_STATED, RELATIVE, beyond_chance
 from fitting.residuals.residuals import weighted_residuals
 from fitting.results.diagnostics import Finding, Warning, ranked
 from fitting.results.result import FitData
@@ -217,11 +219,44 @@ def _misses_of_files(measurements: Sequence[Measurement], found: FitData) -> tup
         return ()
     off = weighted_residuals(found.measurement, found.fitted, found.errors.stated)
     each = np.split(off, np.cumsum([len(m) for m in measurements])[:-1])
+    files = labels_of([m.source for m in measurements])
+    pairs = itertools.combinations(zip(files, measurements, strict=True), 2)
+    compared = ((one, other, *_difference(a, b)) for (one, a), (other, b) in pairs)
     values = {
-        "files": labels_of([m.source for m in measurements]), "n_data": [len(r) for r in each],
+        "files": files, "n_data": [len(r) for r in each],
         "rms": [float(np.sqrt(np.mean(r**2))) for r in each], "stated": found.errors.stated,
+        # The noise is estimated, too, from differences that share data: as from a third as many.
+        "contradictory": [p for p in compared if beyond_chance(p[2] ** 2, p[3] / 3.0)[0]],
     }  # fmt: skip
     return (Warning("residuals_of_files", {}, values),)
+
+
+def _difference(a: Measurement, b: Measurement) -> tuple[float, int]:
+    """Return by how many times their noise two files differ (rms), and at how many common points.
+
+    The noise is that of the stated errors, or the scatter of the differences over the curve.
+    """
+    columns = "angle_deg", "wavelength_um", "polarizer_deg"
+    keys = [
+        [*zip(m.quantity.tolist(), *(np.nan_to_num(getattr(m, c), nan=-1.0).tolist()
+                                     for c in columns), strict=True)]
+        for m in (a, b)
+    ]  # fmt: skip
+    place = {key: j for j, key in enumerate(keys[1])}
+    both = [(i, place[key]) for i, key in enumerate(keys[0]) if key in place]
+    i, j = np.array(both, int).reshape(-1, 2).T
+    off, noise = b.value[j] - a.value[i], np.hypot(a.sigma[i], b.sigma[j])
+    off = np.where(a.quantity[i] == "delta", (off + 180.0) % 360.0 - 180.0, off)
+    spectral = len(np.unique(a.wavelength_um[i])) > 1
+    axis = (a.wavelength_um if spectral else a.angle_deg)[i]
+    for q in np.unique(a.quantity[i]) if np.isnan(noise).any() else ():
+        rows = a.quantity[i] == q
+        if rows.sum() >= LEAST_VALUES:
+            rough = differences(axis[None, rows], off[None, rows], 3)
+            noise[rows] = np.sqrt(np.mean(rough**2))
+    known = noise > 0.0
+    count = int(known.sum())
+    return float(np.sqrt(np.mean((off[known] / noise[known]) ** 2))) if count else 0.0, count
 
 
 def _general(

@@ -172,7 +172,12 @@ def residuals_of_files(v: Mapping[str, Any]) -> str:
     rows = zip(v["files"], v["rms"], v["n_data"], strict=True)
     each = listed(f"{num(rms)} of {file} ({n} data)" for file, rms, n in rows)
     unit = ", in standard errors" * v["stated"]
-    return (
+    apart = "".join(
+        f"{one} and {other} contradict each other: where both measured the same ({count} data) "
+        f"they differ by {num(times)} times their noise (rms). "
+        for one, other, times, count in v["contradictory"]
+    )
+    return apart + (
         f"root mean square of the residuals{unit}: {each}. A file that is missed by far more than "
         "its noise is not of the same sample, or has a systematic error: fit each by itself."
     )

@@ -37,6 +37,19 @@ def test_the_residuals_of_each_file(tmp_path, sample):
     assert fit(files[0], sample).notes == ()
 
 
+def test_files_that_contradict_each_other_are_named(tmp_path):
+    """Without errors by the scatter of their differences, with errors by these."""
+    etas = {"one.csv": 1.5, "two.csv": 1.5, "other.csv": 1.52}
+    paths = [write(tmp_path, n, eta, seed=i) for i, (n, eta) in enumerate(etas.items())]
+    files = [read_csv(path, wavelength_um=0.6) for path in paths]
+    for given in (files, [replace(m, sigma=np.full(25, 5e-4)) for m in files]):
+        (note,) = fit(given, "constant", fixed={"k": 0.0}).notes
+        pairs = [(one, other) for one, other, _, _ in note.values["contradictory"]]
+        assert pairs == [("one.csv", "other.csv"), ("two.csv", "other.csv")]
+        assert "one.csv and other.csv contradict each other: where both measured" in note.text
+        assert all(count == 25 and times > 2.0 for *_, times, count in note.values["contradictory"])
+
+
 @pytest.mark.study
 def test_a_file_of_another_sample_stands_out(tmp_path):
     names = ("one.csv", "two.csv", "other.csv")
