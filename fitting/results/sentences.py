@@ -190,7 +190,11 @@ TRY: dict[str, _Tries | Callable[[Mapping[str, Any]], _Tries]] = {
     "rising_index": lambda v: tuple(
         ("", f"--bound {name.removesuffix('eta')}B=0..") for name in v["indices"]
     ),
-    "low_index": lambda v: tuple(("", f"--bound {name}=1.3..") for name in v.get("first", ())),
+    "low_index": lambda v: tuple(
+        ("", f"--bound {name}=1.3..")
+        for name in v["first"]
+        if name.rpartition(".")[2] in ("A", "eta")
+    ),
     "other_minima": wording.to_the_other,
     "does_not_describe": wording.instrument_errors,
     "residuals_in_order": wording.drifted,
@@ -204,11 +208,11 @@ TRY: dict[str, _Tries | Callable[[Mapping[str, Any]], _Tries]] = {
     "compatible_with_zero": wording.left_out,
     "quadratic_misleads": (("", "--intervals auto"),),
     "prior_contradicted": lambda v: tuple(
-        ("", f"--prior {name}={mean:.6g}+-{2.0 * errors * sigma:.2g}")
+        ("With a wider one:", f"--prior {name}={mean:.6g}+-{2.0 * errors * sigma:.2g}")
         for name, (mean, sigma, _, errors) in v["priors"].items()
     ),
     "chi2_small": lambda v: (("", "--errors scaled"),) if v["errors"] == "stated" else (),
-    "implausible_offset": (("", "--fix angle_offset=0"),),
+    "implausible_offset": (("In place of --free angle_offset:", "--fix angle_offset=0"),),
     "sigma_missing": (("If you know them, for example:", "--sigma 0.002"),),
     "pseudo_index": (("With a film, for example:", f"--sample {_SAMPLE}"),),
     "choice_within_errors": (("", "--errors scaled"),),
