@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tests.truth import stack_oracle
 from tests.truth.textbook import reflectances
 
 pytestmark = pytest.mark.docs  # of `make test-docs`
@@ -135,6 +136,38 @@ def test_prism(example, tmp_path):
     colors = np.asarray(prism.spectral_rgb(wavelength))
     expected = np.mean(passed[:, None] * colors, axis=0)
     np.testing.assert_allclose(results["passed_rgb"], expected, rtol=1e-12)
+
+
+def test_fields_in_depth(example, tmp_path):
+    depth = example("fields_in_depth")
+    results = depth.main([str(tmp_path / "fields.png"), "--size", "40"])
+    drawn(tmp_path / "fields.png")
+    assert results["largest"] == pytest.approx((2.3 / 1.46) ** 10, rel=1e-5)  # of 20,001 depths
+    # What the silicon absorbs is what goes in less what comes out: of R and T of the stack
+    # on top of silver so thick that T is what enters it.
+    media = [1.0, *(complex(*map(float, n)) for n in depth.silicon_on_silver(0.45)[0][1:])]
+    R, _, T, *_ = stack_oracle.stack(1.0, media, [depth.SILICON_UM], 0.45)
+    assert results["absorbed"] == pytest.approx(float(1 - R - T), rel=1e-6)
+
+
+@pytest.mark.study
+def test_design(example, tmp_path):
+    design = example("design")
+    results = design.main([str(tmp_path / "design.png"), "--size", "24"])
+    drawn(tmp_path / "design.png")
+    d, places = results["thickness_um"], np.flatnonzero(design.BAND)
+    for name, sizes in (("coated", d), ("bare", (0.0,) * 4)):
+        R = [
+            stack_oracle.stack(
+                1.0, [float(np.broadcast_to(n.eta, design.BAND.shape)[i]) for n in design.GLASS],
+                list(sizes), float(design.VISIBLE[i]),
+            )[0]
+            for i in places
+        ]  # fmt: skip
+        assert results[name] == pytest.approx(float(sum(R) / len(R)), rel=1e-9)
+    assert results["coated"] < 0.0025 < 0.04 < results["bare"]
+    assert results["dispersion_fs2"] < 1.5 and results["mirror_R"] > 0.99
+    assert results["delta_e"] < 2.0
 
 
 @pytest.mark.study

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fresnel_jax.effective_medium import bruggeman, linear, looyenga, maxwell_garnett
+from fresnel_jax.layers import stack
 
 MODELS = [bruggeman, looyenga, maxwell_garnett, linear]
 INDEX_BOUND, K_BOUND = 16.0, 32.0  # eps of |N|, and of k itself
@@ -260,3 +261,33 @@ def test_a_mixture_with_gold_in_the_infrared():
         step = 1e-6 * np.eye(2)[j]
         ends = [oracle(bruggeman, eta, k, share + s * step).real for s in (1, -1)]
         assert float(slopes[j]) == pytest.approx(float((ends[0] - ends[1]) / 2e-6), rel=1e-6)
+
+
+def test_a_film_of_flat_grains_that_an_ellipsometer_program_computed():
+    """145 nm of a polymer with 70 % of water, depolarization factor 0.2, on 6 nm SiO2 and silicon.
+
+    psi and Delta at 60 degrees are WVASE's, with the indices that its silicon, silica and water
+    have: refellips 0.0.6 (BSD-3-Clause), tests/test_refellips.py, test 11, whose tolerances hold.
+    Delta is folded to 0 to 180 degrees there.
+    """
+    # um, psi, Delta, n and k of silicon, n of silica, n of water
+    um, psi, delta, n, k, silica, water = np.array([
+        [0.41, 31.368, 163.32, 5.307701, 0.298060, 1.483102, 1.3386],
+        [0.49, 30.777, 175.99, 4.357884, 0.078279, 1.477374, 1.3354],
+        [0.57, 29.394, 170.98, 4.024567, 0.031522, 1.473933, 1.3330],
+        [0.65, 27.415, 161.93, 3.851525, 0.016460, 1.471703, 1.3310],
+        [0.73, 25.476, 156.41, 3.751417, 0.009969, 1.470174, 1.3300],
+    ]).T  # fmt: skip
+    both = np.stack([1.66 + 0.006 / um**2, water])
+
+    def angles(factor):
+        film = bruggeman(both, np.zeros((2, 5)), np.full((1, 5), 0.7), factor)
+        media = [water, film, silica, n + 1j * k]
+        light = stack(0.5, media, thickness_um=[0.145, 0.006], wavelength_um=um, exact=False)
+        rho = np.asarray(light.r_p / light.r_s)
+        return np.degrees(np.arctan(np.abs(rho))), np.degrees(np.abs(np.angle(rho)))
+
+    found = angles(0.2)
+    np.testing.assert_allclose(found[0], psi, rtol=2e-4)
+    np.testing.assert_allclose(found[1], delta, rtol=7e-5)
+    assert np.abs(angles(1.0 / 3.0)[1] - delta).max() > 0.1  # spheres are another film
