@@ -99,7 +99,7 @@ def boundary(
         for parts in slices
     ]
     thicknesses: Any = [d for _, d in layers]
-    media_index: Any = [*(n for n, _ in layers), jax.lax.complex(*index[-1][0])]
+    media_index: Any = [*(n for n, _ in layers), _medium(index[-1][0])]
     together = zip(media.coherent, index[:-1], strict=True)
     coherent = [interferes for interferes, slices in together for _ in slices]
     if not pairs and media.coherent == (False,) and media.closed:

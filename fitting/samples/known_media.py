@@ -167,15 +167,17 @@ def is_mixture(text: str) -> bool:
 
 def refuse_misplaced(text: str, index: Sequence[object], bare: Sequence[bool]) -> None:
     """Raise ValueError for a rough or graded interface that is not one between two media, and for a
-    uniaxial medium that is no film.
+    uniaxial medium that is neither a film nor a substrate below films.
 
     index: of every medium of the sample; bare: whether it is a homogeneous coherent layer.
     """
     for i, (this, film) in enumerate(zip(index, bare, strict=True)):
-        if isinstance(this, Mixture) and this.rule == UNIAXIAL and not film:
+        below = i == len(index) - 1 > 1
+        if isinstance(this, Mixture) and this.rule == UNIAXIAL and not (film or below):
             raise ValueError(
                 f"the sample {text!r}: a uniaxial medium must be a film, without 'thick' and "
-                "'graded', as in 'air | uniaxial(cauchy, birefringence 0.1) 110 nm | Si'."
+                "'graded', as in 'air | uniaxial(cauchy, birefringence 0.1) 110 nm | Si', or the "
+                "substrate below films, 'air | cauchy 110 nm | uniaxial(1.768, 1.760)'."
             )
         if this not in BETWEEN.values():
             continue

@@ -12,6 +12,7 @@ from fresnel_jax.dispersion import Cauchy, DrudeLorentz, material
 from fresnel_jax.effective_medium import bruggeman
 from fresnel_jax.layers import Uniaxial, slab, stack
 from fresnel_jax.polarization import psi_delta
+from tests.truth import stack_oracle
 
 CAUCHY = {"A": 1.5, "B": 0.012, "C": 0.0}
 
@@ -69,6 +70,19 @@ def test_a_uniaxial_film_is_that_of_the_library_and_is_fitted():
     found = fit(Measurement.from_columns(angle, wavelength, **seen), UNIAXIAL).parameters
     for name, value in values.items():
         assert found[name].value == pytest.approx(value, rel=1e-6)
+
+
+def test_a_uniaxial_substrate():
+    """A film on sapphire cut across its axis: ordinary 1.768, extraordinary 1.760 (589 nm)."""
+    angle = np.array([0.0, 50.0, 75.0])
+    media, c = [1.0, 1.46, (1.768, 1.760)], np.cos(np.radians(angle))
+    true = np.array([stack_oracle.stack(x, media, [0.1], 0.589)[:2] for x in c], float).T
+    sample = "air | 1.46 100 nm | uniaxial(1.768, 1.760)"
+    for quantity, R in zip(("R_s", "R_p"), true, strict=True):
+        found = simulate(sample, {}, angle, 0.589, quantity)
+        np.testing.assert_allclose(found, R, rtol=1e-10)
+    with pytest.raises(ValueError, match="or the substrate below films"):
+        Sample.parse("air | uniaxial(1.768, 1.760)")
 
 
 @pytest.mark.parametrize(("medium", "message"), [
