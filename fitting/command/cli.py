@@ -83,9 +83,9 @@ A value that begins with a minus sign needs the equals sign: --missing=-9999.
 
 exit status:
   0    every curve was fitted
-  1    for one curve or more there is no index: the fit did not converge, or
-       the data determine only a combination of eta and k (the table and the
-       field "status" of the JSON say which)
+  1    for one curve or more there is no index: the fit did not converge, the
+       data determine only a combination of eta and k, or the sample does not
+       describe them (the table and the field "status" of the JSON say which)
   2    the command, a file or a value in it cannot be understood, or a result
        cannot be written; with --each the other files were fitted
   3    of a map, some blocks ended every worker that fitted them; the others are

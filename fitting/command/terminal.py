@@ -56,7 +56,8 @@ def complain(text: str) -> None:
 def exit_status(fits: Iterable[Fit]) -> int:
     """Return FITTED if every curve of every fit converged, else NOT_FITTED.
 
-    A script must not take an "undetermined" index for a result: many indices fit equally well.
+    A script must not take the index of a "misfit" for a result, nor an "undetermined" one, beside
+    which many others fit equally well.
     """
     import numpy as np
 
