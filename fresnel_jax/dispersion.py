@@ -5,10 +5,10 @@
     R = reflectance(cos_theta, gold(wavelengths))
 
 Models: `Constant`, `Cauchy`, `Sellmeier` (lossless), `CauchyUrbach`, `DrudeLorentz` (also by
-`drude` and `lorentz_drude`), `BrendelBormann`, `TaucLorentz`, `KramersKronigSpline`, `Tabulated`;
-`Material` is one of them with a name and a range of wavelengths. Each is an `equinox.Module` whose
-parameters are array fields: a pytree, so that `grad`, `jit` and `vmap` reach every parameter (to
-jit a model itself take `equinox.filter_jit`).
+`drude` and `lorentz_drude`), `BrendelBormann`, `Gaussian`, `TaucLorentz`, `Sum` of such terms,
+`KramersKronigSpline`, `Tabulated`; `Material` is one of them with a name and a range of
+wavelengths. Each is an `equinox.Module` whose parameters are array fields: a pytree, so that
+`grad`, `jit` and `vmap` reach every parameter (to jit a model itself take `equinox.filter_jit`).
 
 Calling a model gives `Index(eta, k)` with the shape of the wavelengths and their type (float32 or
 float64; Python numbers take that of the parameters). Time dependence exp(-i w t): k >= 0 absorbs.
@@ -42,6 +42,8 @@ from .indices.index_files import joined, tabulated, yaml_parts
 from .indices.kramers_kronig import KramersKronigSpline as KramersKronigSpline
 from .indices.oscillators import BrendelBormann as BrendelBormann
 from .indices.oscillators import DrudeLorentz as DrudeLorentz
+from .indices.oscillators import Gaussian as Gaussian
+from .indices.oscillators import Sum as Sum
 from .indices.published_formulas import PublishedFormula as PublishedFormula
 from .indices.spectral import HC_EV_UM as HC_EV_UM
 from .indices.spectral import DispersionModel as DispersionModel
@@ -56,11 +58,13 @@ __all__ = [
     "Constant",
     "DispersionModel",
     "DrudeLorentz",
+    "Gaussian",
     "Index",
     "KramersKronigSpline",
     "Material",
     "PublishedFormula",
     "Sellmeier",
+    "Sum",
     "Tabulated",
     "TaucLorentz",
     "drude",

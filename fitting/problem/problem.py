@@ -108,8 +108,8 @@ class Problem:
         out, media = y.copy(), self.u.spec.media
         for place, model in zip(media.places, media.index, strict=True):
             groups = terms_of(names, f"{place}.")
-            if len(groups) < 2 or not isinstance(model, Model):
-                continue
+            if len(groups) < 2 or not isinstance(model, Model) or model.is_sum:
+                continue  # of a sum each term is what its name says
             key = next(i for i, n in enumerate(groups[0]) if ".resonance" in names[n])
             rows = np.array(groups)  # (terms, parameters of a term)
             if not model.exchangeable:

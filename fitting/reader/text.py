@@ -54,12 +54,13 @@ def source_of(source: Any) -> str:
     return "buffer" if hasattr(source, "read") else "table"
 
 
-def _contents(source: Any) -> Any:
-    """Return the bytes, or text, of a file, pipe, device or buffer, up to the limit."""
+def _contents(source: Any, encoding: str | None) -> bytes:
+    """Return what a file, pipe, device or buffer holds, up to the limit."""
     size, data = 0, b""
     try:
         if not isinstance(source, _PATH):
             data = source.read()
+            data = data.encode(encoding or "utf-8") if isinstance(data, str) else data
         elif str(source) == STDIN:
             data = sys.stdin.buffer.read(MAX_BYTES + 1)
         elif (size := Path(source).stat().st_size) <= MAX_BYTES:
@@ -179,13 +180,14 @@ def read_lines(source: Any, encoding: str | None = None, sheet: str | None = Non
     Lines end with LF, CRLF or CR. Refuses a file where there is no text to read.
     """
     name = source_of(source)
-    data: Any = _contents(source) if isinstance(source, _PATH) or hasattr(source, "read") else None
-    book = isinstance(data, bytes) and data.startswith(_ZIP) and b"xl/workbook" in data
+    readable = isinstance(source, _PATH) or hasattr(source, "read")
+    data = _contents(source, encoding) if readable else b""
+    book = data.startswith(_ZIP) and b"xl/workbook" in data
     if sheet and not book:
         refuse(f"--sheet {sheet} is for a spreadsheet (.xlsx), which this is not. Leave it out.")
-    if encoding and (book or data is None):
+    if encoding and (book or not readable):
         refuse("--encoding is for text, and this is a table. Leave it out.")
-    if book or data is None:
+    if book or not readable:
         title, rows = _sheet(data, sheet) if book else ("", _rows_of(source))
         lines = [*map("\t".join, rows)]
         _refuse_larger(sum(map(len, lines)))
@@ -193,9 +195,9 @@ def read_lines(source: Any, encoding: str | None = None, sheet: str | None = Non
         return Lines(lines, [f"sheet {title!r}"] * book, said, True)
     if PurePath(name).suffix.lower() in _WORKBOOKS:
         refuse("this is the name of a workbook, but no .xlsx workbook. Save the sheet as CSV.")
-    chosen = "" if isinstance(data, str) else str(encoding or _guess_encoding(data))
+    chosen = str(encoding or _guess_encoding(data))
     try:
-        text: str = data.decode(chosen) if chosen else data
+        text = data.decode(chosen)
         if "\0" in text:
             raise ValueError("there are zero bytes")
     except (UnicodeError, LookupError, ValueError) as error:

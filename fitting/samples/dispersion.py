@@ -6,6 +6,7 @@ measured wavelengths: an oscillator is searched for within them and a little bey
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -65,22 +66,32 @@ class Model(NamedTuple):
     knots_ev: tuple[float, ...] = ()
 
     def __str__(self) -> str:
-        several = KINDS[self.name].most > 1 and self.terms
+        several = self.kind.most > 1 and self.terms
         return f"{self.name}:{self.terms}" if several else self.name
+
+    @property
+    def kind(self) -> Kind:
+        """What is known of the model by its name."""
+        return KINDS[self.name] if self.name in KINDS else _sum_of(self.name)
 
     @property
     def absorbs(self) -> bool:
         """Whether the model has a k of its own."""
-        return KINDS[self.name].absorbs
+        return self.kind.absorbs
 
     @property
     def exchangeable(self) -> bool:
         """Whether the terms are interchangeable: not if the last one is beyond the red end."""
-        return KINDS[self.name].exchangeable
+        return self.kind.exchangeable
+
+    @property
+    def is_sum(self) -> bool:
+        """Whether the terms are of several kinds."""
+        return self.name not in KINDS
 
     def parameters(self, spectrum: Spectrum) -> tuple[Parameter, ...]:
         """Return the parameters in the order of the formula."""
-        return KINDS[self.name].parameters(self.terms, spectrum)
+        return self.kind.parameters(self.terms, spectrum)
 
     def over(self, spectrum: Spectrum) -> Model:
         """Return the model with its knots over the measured range and beyond it."""
@@ -93,7 +104,7 @@ class Model(NamedTuple):
         """Return eta and k at wavelengths, for one value () of every parameter."""
         if self.knots_ev:
             return spline_model(self.terms, self.knots_ev, values)(wavelength_um)
-        return KINDS[self.name].model(self.terms, values)(wavelength_um)
+        return self.kind.model(self.terms, values)(wavelength_um)
 
 
 class Kind(NamedTuple):
@@ -234,6 +245,64 @@ def _tauc_lorentz_model(terms: int, v: Mapping[str, Array]) -> dispersion.Disper
     return dispersion.TaucLorentz(amplitudes, resonances, widths, v["gap_ev"], v["eps_inf"])
 
 
+def _gaussian(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    low, high, narrowest = spectrum.low_ev, spectrum.high_ev, spectrum.narrowest_ev
+    out = [_eps_inf(4.0)]
+    for j in range(1, terms + 1):
+        out += [
+            _positive(f"amplitude_{j}", "", (0.01, 10.0), 1e-6, 1e3),
+            _positive(f"resonance_ev_{j}", "eV", (0.7 * low, 1.7 * high), 0.2 * low, 5.0 * high),
+            _positive(f"width_ev_{j}", "eV", (0.03 * low, high), narrowest, 10.0 * high),
+        ]
+    return tuple(out)
+
+
+def _gaussian_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
+    parts = _numbered(terms, v, "amplitude", "resonance_ev", "width_ev")
+    return dispersion.Gaussian(*map(jnp.stack, parts), v["eps_inf"])
+
+
+def _pole(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    high = spectrum.high_ev
+    strength = _positive("strength_ev2_1", "eV^2", (high**2, 1e2 * high**2), 1e-4, 1e6 * high**2)
+    place = _positive("resonance_ev_1", "eV", (1.2 * high, 5.0 * high), 1.02 * high, 1e2 * high)
+    return _eps_inf(4.0), strength, place
+
+
+def _pole_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
+    strength, place = v["strength_ev2_1"], v["resonance_ev_1"]
+    return dispersion.DrudeLorentz(strength, place, jnp.zeros_like(place), v["eps_inf"])
+
+
+# Models of a permittivity, which can be terms of a sum.
+_ADDED = ("drude", "drude-lorentz", "lorentz", "tauc-lorentz", "gaussian", "pole")
+
+
+@functools.cache
+def _sum_of(name: str) -> Kind:
+    """Return the kind of a sum such as "tauc-lorentz + gaussian:2"; its terms count through."""
+    parts = [parse_model(part) for part in name.split("+")]
+    firsts = [sum(part.terms for part in parts[:i]) for i in range(len(parts))]
+
+    def own(i: int, name: str) -> str:
+        stem, _, number = name.rpartition("_")
+        return f"{stem}_{int(number) + firsts[i]}" if number.isdigit() else name
+
+    def parameters(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+        each = [(i, p) for i, part in enumerate(parts) for p in part.parameters(spectrum)]
+        named = [p._replace(name=own(i, p.name)) for i, p in each if not i or p.name != "eps_inf"]
+        return tuple(named)
+
+    def model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
+        some = Spectrum(0.4, 0.8)  # the names do not depend on it
+        values = [{p.name: v[own(i, p.name)] for p in part.parameters(some)}
+                  for i, part in enumerate(parts)]  # fmt: skip
+        each = [p.kind.model(p.terms, x) for p, x in zip(parts, values, strict=True)]
+        return dispersion.Sum(each, v["eps_inf"])  # pyright: ignore[reportArgumentType]
+
+    return Kind(parameters, model, any(p.absorbs for p in parts), 1, 1, exchangeable=False)
+
+
 KINDS = {
     "constant": Kind(_constant, lambda terms, v: dispersion.Constant(v["eta"], v["k"]), True),
     "cauchy": Kind(
@@ -259,6 +328,8 @@ KINDS = {
         lambda n, spectrum: (_eps_inf(), *_oscillators(n, spectrum)), _oscillator_model, True, 1, 8
     ),
     "tauc-lorentz": Kind(_tauc_lorentz, _tauc_lorentz_model, True, 1, 8),
+    "gaussian": Kind(_gaussian, _gaussian_model, True, 1, 8),
+    "pole": Kind(_pole, _pole_model, False),
     # The terms are amplitudes of B-splines in their order.
     SPLINE: Kind(
         lambda n, spectrum: (_eps_inf(4.0), *spline_parameters(n, spectrum.high_ev)),
@@ -276,12 +347,14 @@ def model_names() -> tuple[str, ...]:
 
 
 def parse_model(text: Any) -> Model:
-    """Return the model that a text names: ``cauchy``, ``drude-lorentz:3``.
+    """Return the model that a text names: ``cauchy``, ``drude-lorentz:3``, ``drude + gaussian:2``.
 
     Raises ValueError for a name or a number of terms that is not known.
     """
     if isinstance(text, Model):
         return text
+    if "+" in str(text):
+        return _parse_sum(str(text))
     found = re.fullmatch(r"\s*([A-Za-z][-_A-Za-z]*)\s*(?::\s*(\d+)\s*)?", str(text))
     name = found[1].lower().replace("_", "-") if found else ""
     if not found or name not in KINDS:
@@ -295,6 +368,19 @@ def parse_model(text: Any) -> Model:
         wanted = f"1 to {kind.most} terms" if kind.most > 1 else "no number of terms"
         raise ValueError(f"{str(text)!r}: {name} takes {wanted}.")
     return Model(name, terms)
+
+
+def _parse_sum(text: str) -> Model:
+    parts = [parse_model(part) for part in text.split("+")]
+    names = [part.name for part in parts]
+    wrong = [name for name in names if name not in _ADDED]
+    if wrong:
+        raise ValueError(f"{text!r}: {wrong[0]} is none of what can be added, {', '.join(_ADDED)}.")
+    if len({*names}) < len(names) or {"drude", "drude-lorentz"} <= {*names}:
+        raise ValueError(
+            f"{text!r}: each model was wanted once, with its number of terms: gaussian:2."
+        )
+    return Model(" + ".join(map(str, parts)), sum(part.terms for part in parts))
 
 
 # In whose program a model is fitted where others of the same data share it (`choose` compiles one

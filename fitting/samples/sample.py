@@ -228,7 +228,7 @@ def _index(text: str) -> complex | Model | Mixture | MaterialFile | str:
         return lowered
     if lowered in ("air", "vacuum"):
         return 1.0 + 0.0j
-    if lowered.partition(":")[0].strip().replace("_", "-") in KINDS:
+    if re.split("[:+]", lowered)[0].strip().replace("_", "-") in KINDS:
         return parse_model(text)
     try:
         return named(text)

@@ -11,8 +11,8 @@ from .formulas import cauchy_series
 from .spectral import (
     DispersionModel,
     Index,
+    SumOfTerms,
     check_lengths,
-    index_of_permittivity,
     over_terms,
     parameters_named,
     photon_energy_ev,
@@ -175,7 +175,7 @@ def _tauc_lorentz(energy: Array, amplitude, resonance, width, gap):
     return (2.0 / jnp.pi) * scale * per_p * (c * difference + slope * arm), scale * im
 
 
-class TaucLorentz(DispersionModel):
+class TaucLorentz(SumOfTerms):
     """Oscillators of an amorphous semiconductor or insulator, without absorption below a gap:
 
     Im eps = sum_j A_j E_j C_j (E - gap)^2 / {E [(E^2 - E_j^2)^2 + (C_j E)^2]} if E > gap, else 0;
@@ -216,14 +216,9 @@ class TaucLorentz(DispersionModel):
             widths_ev=self.widths_ev,
         )
 
-    def index(self, wavelength_um: Array) -> Index:
-        dtype = wavelength_um.dtype
+    def susceptibility(self, energy: Array) -> tuple[Array, Array]:
         fields = (self.amplitudes_ev, self.resonances_ev, self.widths_ev)
-        energy, amplitudes, resonances, widths = over_terms(
-            photon_energy_ev(wavelength_um), *fields
-        )
-        gap = self.gap_ev.astype(dtype)
+        energy, amplitudes, resonances, widths = over_terms(energy, *fields)
+        gap = self.gap_ev.astype(energy.dtype)
         re, im = _tauc_lorentz(energy, amplitudes, resonances, widths, gap)
-        return index_of_permittivity(
-            self.eps_inf.astype(dtype) + jnp.sum(re, axis=-1), jnp.sum(im, axis=-1)
-        )
+        return jnp.sum(re, axis=-1), jnp.sum(im, axis=-1)

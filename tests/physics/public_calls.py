@@ -172,6 +172,13 @@ def calls() -> dict[str, tuple[Any, ...]]:
         ),
         "dispersion.Constant": at(dp.Constant, np.array(1.5), np.array(0.1)),
         "dispersion.DrudeLorentz": at(dp.DrudeLorentz, EV, EV, 0.2 * EV),
+        "dispersion.Gaussian": at(dp.Gaussian, 0.3 * EV, EV, 0.2 * EV),
+        "dispersion.Sum": at(
+            lambda a, e, s: dp.Sum(
+                (dp.Gaussian(a, e, 0.2 * e), dp.DrudeLorentz(s, 9.0 * e, 0.0 * e)), 1.5
+            ),
+            0.3 * EV, EV, EV,
+        ),
         "dispersion.KramersKronigSpline": at(
             lambda a, p, e: dp.KramersKronigSpline(a, np.arange(1.0, 8.0), 1.5, p, e),
             np.array([0.1, 0.5, 0.3]), np.array([1.0, 2.0]), np.array([8.0, 9.0]),

@@ -46,7 +46,7 @@ def rows_of(frame: dict[str, Any]) -> list[list[Any]]:
 
 
 @pytest.mark.parametrize("source", [
-    io.StringIO(TEXT), io.BytesIO(TEXT.encode()), FRAME, pd.DataFrame(FRAME),
+    io.StringIO(TEXT), io.BytesIO(TEXT.encode("utf-16")), FRAME, pd.DataFrame(FRAME),
     pd.DataFrame(FRAME).set_index("Angle (deg)"), pd.DataFrame(FRAME).astype({"R_TM": "Float64"}),
     xr.Dataset.from_dataframe(pd.DataFrame(FRAME).set_index("Angle (deg)")),
 ], ids=lambda source: type(source).__name__)  # fmt: skip
@@ -109,6 +109,8 @@ def test_without_openpyxl_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_tables_that_are_none() -> None:
+    with pytest.raises(MeasurementError, match="buffer: no row with two numbers"):
+        read_csv(io.StringIO(""))
     for bad in ([0.1, 0.2], np.zeros(3), 7):
         with pytest.raises(MeasurementError, match="table with named columns was wanted"):
             read_csv(bad)

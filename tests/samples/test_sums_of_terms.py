@@ -1,0 +1,71 @@
+"""Gaussian lines, poles, and sums of terms of several kinds as the index of a medium."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fitting import Measurement, Sample, fit, simulate
+from fitting.samples.dispersion import Spectrum, parse_model
+from fresnel_jax import dispersion, interface
+
+TEXT = "tauc-lorentz + gaussian:2 + pole"
+VALUES = {
+    "eps_inf": 1.3, "amplitude_ev_1": 80.0, "resonance_ev_1": 4.0, "width_ev_1": 2.0, "gap_ev": 1.5,
+    "amplitude_2": 0.3, "resonance_ev_2": 2.5, "width_ev_2": 0.4,
+    "amplitude_3": 0.2, "resonance_ev_3": 3.0, "width_ev_3": 0.3,
+    "strength_ev2_4": 90.0, "resonance_ev_4": 12.0,
+}  # fmt: skip
+
+
+def test_the_terms_count_through() -> None:
+    model = parse_model(TEXT)
+    assert [p.name for p in model.parameters(Spectrum(0.3, 0.9))] == [*VALUES]
+    assert parse_model(str(model)) == model and model.absorbs and not model.exchangeable
+    film = Sample.parse(f"air | {TEXT} 110 nm | Si")
+    assert str(film) == f"air | {TEXT} 110 nm | Si" and film.media[1].index == model
+    # other models keep their names
+    assert str(parse_model("gaussian")) == "gaussian:1" and str(parse_model("pole")) == "pole"
+
+
+def test_the_index_is_that_of_the_sum() -> None:
+    w = np.linspace(0.3, 0.9, 8)
+    v = VALUES
+    truth = dispersion.Sum(
+        (
+            dispersion.TaucLorentz(v["amplitude_ev_1"], v["resonance_ev_1"], v["width_ev_1"],
+                                   v["gap_ev"]),
+            dispersion.Gaussian([0.3, 0.2], [2.5, 3.0], [0.4, 0.3]),
+            dispersion.DrudeLorentz(v["strength_ev2_4"], v["resonance_ev_4"], 0.0),
+        ),
+        v["eps_inf"],
+    )  # fmt: skip
+    wanted = interface.powers(1.0, *truth(w)).R_s
+    R = simulate(TEXT, VALUES, np.zeros(8), w, "R_s")
+    np.testing.assert_allclose(R, wanted, rtol=1e-6)  # of float32, if jax is left as it is
+
+
+@pytest.mark.parametrize(("text", "wanted"), [
+    ("cauchy + gaussian", "cauchy is none of what can be added"),
+    ("gaussian + gaussian:2", "each model was wanted once"),
+    ("drude + drude-lorentz", "each model was wanted once"),
+    ("gaussian + gauss", "no dispersion model"),
+    ("tauc-lorentz + gaussian:9", "1 to 8 terms"),
+    ("gaussian +", "no dispersion model"),
+])  # fmt: skip
+def test_sums_that_are_none(text: str, wanted: str) -> None:
+    with pytest.raises(ValueError, match=wanted):
+        Sample.parse(f"air | {text} 100 nm | Si")
+
+
+@pytest.mark.study
+def test_a_line_and_a_pole_are_found() -> None:
+    truth = {"eps_inf": 1.5, "amplitude_1": 0.3, "resonance_ev_1": 2.5, "width_ev_1": 0.5,
+             "strength_ev2_2": 90.0, "resonance_ev_2": 10.0}  # fmt: skip
+    w, angle = np.linspace(0.3, 0.9, 60), np.full(60, 70.0)
+    angles = [simulate("gaussian + pole", truth, angle, w, q) for q in ("psi", "delta")]
+    found = fit(Measurement.from_columns(angle, w, psi=angles[0], delta=angles[1]),
+                "gaussian + pole")  # fmt: skip
+    assert found.status == "converged"
+    for name, value in truth.items():
+        assert found.values[name] == pytest.approx(value, rel=1e-6)
