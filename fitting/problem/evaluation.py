@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -228,19 +228,23 @@ def _matched(at: Evaluated, seen: Observations, source: str) -> tuple[tuple[int,
     return tuple((first.get(c, -1),) for c in seen.channels)
 
 
+def _of_data(seen: Observations, of: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return of every datum (N,) what its row has, (M,) by quantity."""
+    out = np.empty(len(seen.row))
+    for name, values in of.items():
+        here = seen.quantity == name
+        out[here] = values[seen.row[here]]
+    return out
+
+
 def at_data(seen: Observations, value: np.ndarray) -> np.ndarray:
     """Return the model at every datum (N,), from the values of each channel (K, M)."""
-    out = np.empty(len(seen.row))
-    for i, channel in enumerate(c for c in seen.channels if c != NCS):
-        here = seen.channel == channel
-        out[here] = value[i, seen.row[here]]
-    if NCS in seen.channels:
+    of = dict(zip(seen.channels, value, strict=False))
+    if NCS in of:
         N, C, S = value[-3:]
-        angles = 0.5 * np.arctan2(np.sqrt(C * C + S * S), N), np.arctan2(S, C) % (2.0 * np.pi)
-        for names, angle in zip((("psi",), DELTAS), angles, strict=True):
-            here = np.isin(seen.quantity, names)
-            out[here] = np.degrees(angle[seen.row[here]])
-    return out
+        of["psi"] = np.degrees(0.5 * np.arctan2(np.sqrt(C * C + S * S), N))
+        of |= dict.fromkeys(DELTAS, np.degrees(np.arctan2(S, C) % (2.0 * np.pi)))
+    return _of_data(seen, of)
 
 
 def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray, np.ndarray]:
@@ -260,16 +264,12 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
     shown = Shown(u.spec, targets)
     value, slope = shown(at.y)
     error = _error(slope, at.covariance)
-    channels = [c for c in seen.channels if c != NCS]
-    sigma = np.empty(len(seen.row))
-    for i, channel in enumerate(channels):
-        here = seen.channel == channel
-        sigma[here] = error[i, seen.row[here]]
-    if NCS in seen.channels:
-        of_angles = _slopes_of_angles(value[-3:], slope[-3:])
-        for names, by in zip((("psi",), DELTAS), of_angles, strict=True):
-            here = np.isin(seen.quantity, names)
-            sigma[here] = np.degrees(_error(by[seen.row[here]], at.covariance))
+    of = dict(zip(seen.channels, error, strict=False))
+    if NCS in of:
+        by_angle = _slopes_of_angles(value[-3:], slope[-3:])
+        of["psi"], delta = (np.degrees(_error(by, at.covariance)) for by in by_angle)
+        of |= dict.fromkeys(DELTAS, delta)
+    sigma = _of_data(seen, of)
     fitted = at_data(seen, value)
 
     def away(y: np.ndarray) -> np.ndarray:

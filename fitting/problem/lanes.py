@@ -1,8 +1,4 @@
-"""Lanes: starts of one fit, run side by side until they rest.
-
-One random start found the best minimum of a spectral model in a third to a half of the cases, 64 in
-all of them, at hardly any cost: the starts are lanes of one program.
-"""
+"""Lanes: where the starts of one fit are, which run side by side until they rest."""
 
 from __future__ import annotations
 

@@ -104,36 +104,12 @@ def _index_and_slopes(
     return (eta.reshape(at.shape), k.reshape(at.shape)), (slopes[0], slopes[1])
 
 
-def still_of(spec: Spec, core: Core, held: Any) -> tuple[Spec, np.ndarray]:
-    """Return the part of a fit's spec that does not move, which models share, and its constants."""
-    places = [p for i, p in enumerate(spec.media.places) if i not in core.indices]
-    rows = [
-        i for i, name in enumerate(spec.held)
-        if name in core.held or any(name.startswith(f"{place}.") for place in places)
-    ]  # fmt: skip
-    index = tuple("" if i in core.indices else m for i, m in enumerate(spec.media.index))
-    media = spec.media._replace(index=index)  # type: ignore
-    still = core.spec._replace(media=media, held=tuple(spec.held[i] for i in rows))
-    return still, np.asarray(held, float)[rows]
-
-
-def known_quantities(held: Array, points: Points, *, spec: Spec, core: Core) -> tuple[Array, ...]:
-    """Return what the optics depend on and does not move, flat; of the spec of `still_of`."""
-    v = spec.values(jnp.zeros((0, 1)), held)
-    at = points.wavelength_um.reshape(-1, 1)
-    fixed = [
-        x for i in range(len(spec.media.index)) if i not in core.indices
-        for x in medium_index(spec, i, v, at)
-    ]  # fmt: skip
-    fixed += [v[name] for name in core.held]
-    return tuple(jnp.broadcast_to(x.reshape(1, -1), (1, at.size)) for x in fixed)
-
-
 def quantities(
     trial: Array, slot: Array, held: Array, points: Points, *, spec: Spec, core: Core
-) -> tuple[list[Array], list[Array]]:
-    """Return what moves with the unknowns, flat, (1, M C) each, and derivatives, (P, M or 1, C).
+) -> tuple[list[Array], list[Array], list[Array]]:
+    """Return what moves with the unknowns, its derivatives, (P, M or 1, C), and what stays.
 
+    What moves and what stays are flat, (1, M C) each.
     trial: (P, S); slot: (C,), the one of each column; points: (M, C).
     """
     p, shape = len(spec.moving), points.angle_deg.shape
@@ -161,4 +137,10 @@ def quantities(
         moving.append(v[name][None])
         columns.append(column({name: jnp.ones(shape[1])}))
     columns = [jnp.stack(jnp.broadcast_arrays(*each, *none)) for each in columns]
-    return [jnp.broadcast_to(x, shape).reshape(1, -1) for x in moving], columns
+    fixed = [
+        x for i in range(len(spec.media.index)) if i not in core.indices
+        for x in medium_index(spec, i, v, points.wavelength_um)
+    ]  # fmt: skip
+    fixed += [v[name] for name in core.held]
+    flat = [[jnp.broadcast_to(x, shape).reshape(1, -1) for x in some] for some in (moving, fixed)]
+    return flat[0], columns, flat[1]

@@ -50,7 +50,7 @@ class FitOptions(NamedTuple):
     other searches left, and where this one leaves its own. near: `kept_as` of the search whose
     lowest ends are of use here: of the same model with other weights or without a parameter of the
     instrument, or of the one with a term less. thorough: whether the search goes on where it may
-    have missed the best minimum. See `stages`. rtol: as in `fit_residuals`.
+    have missed the best minimum. See `search`. rtol: as in `fit_residuals`.
     """
 
     errors: str = "auto"
@@ -136,7 +136,7 @@ class Problem:
         self.lanes, used = min(y.shape[1], LANES), 0
         if y.shape[1] > LANES:
             y, used = self.held(y, noise, SIFT, targets=targets).lowest(LANES), SIFT
-        ends, live = Ends.begun(y), np.arange(y.shape[1])
+        ends, live = Ends.begun(y.copy()), np.arange(y.shape[1])
         for _ in range(STAGES):
             ends.put(live, self.held(ends.y[:, live], noise, STAGE, targets=targets))
             best = np.min(ends.cost[ends.done], initial=np.inf)

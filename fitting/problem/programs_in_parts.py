@@ -26,15 +26,7 @@ from jax import Array
 
 from fitting.optics.observe import predicted
 from fitting.optics.spec import NCS, Points, Spec
-from fitting.problem.optics_inputs import (
-    Core,
-    core_of,
-    has_parts,
-    known_quantities,
-    quantities,
-    spec_at,
-    still_of,
-)
+from fitting.problem.optics_inputs import Core, core_of, has_parts, quantities, spec_at
 from fitting.problem.programs import (
     SOLVER,
     Bounds,
@@ -63,30 +55,27 @@ _FEW_ROWS = 256
 class Blocks(NamedTuple):
     """Blocks of rows as columns of a call, repeated for as many lanes as there is room for.
 
-    first, count: which blocks. points, eta_i, data: there, on the device. known: of the media that
-    do not move.
+    count: how many blocks. points, eta_i, data: there, on the device.
     """
 
-    first: int
     count: int
     points: Points
     eta_i: Any
     data: Targets
-    known: tuple[Array, ...] = ()
 
     @property
     def columns(self) -> int:
         """The number of columns of a call."""
         return self.points.angle_deg.shape[1]
 
-    def calls(self, active: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield the slots of one call after the other, and the slot of each column; SLOTS: none."""
+    def calls(self, active: np.ndarray) -> Iterator[np.ndarray]:
+        """Yield the slot of each column in one call after the other; SLOTS: none."""
         room = self.columns // self.count
         for start in range(0, len(active), room):
             some = active[start : start + room]
             slot = np.full(self.columns, SLOTS)
             slot[: len(some) * self.count] = np.repeat(some, self.count)
-            yield some, slot
+            yield slot
 
 
 def blocks_of(targets: Targets) -> list[Blocks]:
@@ -112,7 +101,7 @@ def blocks_of(targets: Targets) -> list[Blocks]:
             values=tuple(map(cut, targets.values)), weights=tuple(map(cut, targets.weights)),
             ncs=ncs, ncs_weights=weights,
         )  # fmt: skip
-        out.append(Blocks(first, count, *jax.device_put((points, eta_i, data))))
+        out.append(Blocks(count, *jax.device_put((points, eta_i, data))))
     return out
 
 
@@ -196,7 +185,6 @@ def _shared(function: Callable, static: tuple[str, ...]) -> Callable:
     return in_turn(compiled(function, static), by_first=True)
 
 
-_known_of = _shared(known_quantities, ("spec", "core"))
 _quantities_of = _shared(quantities, ("spec", "core"))
 _optics_of = _shared(_optics, ("core",))
 _summed = _shared(_sums, ("spec",))
@@ -242,28 +230,23 @@ class Parts:
     def __init__(self, spec: Spec, targets: Targets):
         self.spec, self.held = spec, targets.held
         self.core = core_of(spec, not np.any(targets.points.angle_deg))
-        still, held = still_of(spec, self.core, targets.held)
-        self.blocks = [
-            b._replace(known=_known_of(held, b.points, spec=still, core=self.core))
-            for b in blocks_of(targets)
-        ]
+        self.blocks = blocks_of(targets)
 
-    def quantities(self, trial: Any, slot: np.ndarray, blocks: Blocks) -> Any:
-        """Return the result of `optics_inputs.quantities`."""
-        return _quantities_of(trial, slot, self.held, blocks.points, spec=self.spec, core=self.core)
-
-    def shown(self, moving: list[Array], blocks: Blocks) -> tuple[Array, Array]:
-        """Return the result of `_optics`."""
-        return _optics_of(moving, blocks.known, blocks.points, blocks.eta_i, core=self.core)
+    def shown(self, trial: Any, slot: np.ndarray, blocks: Blocks) -> tuple[Any, Any, Any]:
+        """Return the result of `_optics`, and the derivatives of what moves by the unknowns."""
+        moving, columns, fixed = _quantities_of(
+            trial, slot, self.held, blocks.points, spec=self.spec, core=self.core
+        )
+        shown = _optics_of(moving, fixed, blocks.points, blocks.eta_i, core=self.core)
+        return *shown, columns
 
     def sums(self, trial: Any, active: np.ndarray) -> Any:
         """Return the packed normal equations of the active slots at trial (P, SLOTS)."""
         unknowns = len(trial)
         total = np.zeros(((unknowns + 1) * (unknowns + 2) // 2, SLOTS))
         for blocks in self.blocks:
-            for _, slot in blocks.calls(active):
-                moving, columns = self.quantities(trial, slot, blocks)
-                shown, slopes = self.shown(moving, blocks)
+            for slot in blocks.calls(active):
+                shown, slopes, columns = self.shown(trial, slot, blocks)
                 total = _summed(
                     total, slot, shown, slopes, columns, blocks.data, spec=self.core.spec
                 )

@@ -37,10 +37,10 @@ class Shown:
 def _of_blocks(parts: Parts, blocks: Blocks, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the part of `Shown` in some blocks."""
     trial = np.repeat(filled(y[:, None]), SLOTS, 1)
-    moving, columns = parts.quantities(trial, np.zeros(blocks.columns, int), blocks)
+    *each, columns = parts.shown(trial, np.zeros(blocks.columns, int), blocks)
     shown, slopes = (
         np.asarray(a).reshape(*a.shape[:-1], ROWS, blocks.columns)[..., : blocks.count]
-        for a in parts.shown(moving, blocks)
+        for a in each
     )
     by_unknown = sum(
         d[..., None] * np.moveaxis(np.asarray(c)[: len(y), :, : blocks.count], 0, -1)
@@ -77,9 +77,9 @@ def slopes_at(seen: Observations, shown: Shown, y: np.ndarray) -> Slopes:
         measured[i], W[i, i] = v[:, 0], w[:, 0]
     if NCS in seen.channels:
         measured[alone:], W[alone:, alone:] = seen.ncs[..., 0], seen.ncs_weights[..., 0]
-    off, weighted = value - measured, np.abs(W) > 0.0
+    off = value - measured
     # Of psi without Delta only cos 2psi was measured; its residuals are three all the same.
-    known, used = weighted.any(0), weighted.any(1)
+    known, used = (np.abs(W).max(i) > 0.0 for i in (0, 1))
     used[alone:] = used[alone:].any(0)
     kind = np.array([c for c in seen.channels for _ in range(3 if c == NCS else 1)])
     return Slopes(

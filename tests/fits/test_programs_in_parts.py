@@ -5,20 +5,16 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from fitting.data.measurement import Measurement
-from fitting.optics.observe import medium_index
-from fitting.problem import programs_in_parts
 from fitting.problem.lanes import coordinate_bounds
 from fitting.problem.observations import observations
 from fitting.problem.optics_inputs import core_of, has_parts
 from fitting.problem.programs import Bounds, linearised, solve, targets_of, without_data
-from fitting.problem.programs_in_parts import Parts, in_parts, solved_in_parts
-from fitting.problem.row_blocks import SLOTS
-from fitting.problem.slopes import Shown, index_in_parts
+from fitting.problem.programs_in_parts import in_parts, solved_in_parts
+from fitting.problem.slopes import Shown
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.compiled import in_turn
 from fitting.samples.parameters import Settings, settings_of
@@ -166,11 +162,6 @@ def test_rows_of_one_block_or_several(rows):
         parts = Shown(u.spec, targets)(y[:, 0])
         for a, b in zip(map(np.asarray, one), parts, strict=True):
             np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-11 * np.abs(a).max())
-        v = u.spec.values(jnp.asarray(y), jnp.asarray(u.held))
-        wanted = medium_index(u.spec, 0, v, targets.points.wavelength_um)
-        found = index_in_parts(Parts(u.spec, targets), y, 0)
-        for part, one in zip(found, wanted, strict=True):
-            np.testing.assert_allclose(part, np.broadcast_to(one, part.shape), rtol=1e-13)
 
 
 @pytest.mark.parametrize("sample", [
@@ -196,55 +187,6 @@ def test_which_fits_run_in_parts(sample, angles, parts):
     u, targets = of(sample, Settings(), angles, R=0.2)
     assert in_parts(u.spec, targets) == parts
     assert in_parts(shared(u).spec, targets)
-
-
-@pytest.fixture
-def float32_elsewhere():
-    """Numbers of 32 bits where nothing else is said, as in a process of a user."""
-    jax.config.update("jax_enable_x64", False)
-    yield
-    jax.config.update("jax_enable_x64", True)
-
-
-@pytest.mark.usefixtures("float32_elsewhere")
-def test_lanes_that_are_shared_out_end_in_the_same_place(monkeypatch):
-    u, targets = of("air | lorentz:1 20..300 nm | 1.53", Settings(), (0.0,), R=0.2)
-    count = 3 * SLOTS + 5
-    y = starts(u.moving, count, 3)
-    low, high = (np.repeat(a[:, None], count, 1) for a in coordinate_bounds(u.moving))
-    bounds = Bounds(low, high, np.full(count, 30.0), np.full(count, 1.0))
-    given = targets, y, np.full(count, 1e-3), bounds, np.int64(9)
-    one, found, cut = programs_in_parts._solved, [], []
-
-    def counted(*given):
-        cut[-1].append(given[1].shape[1])
-        return one(*given)
-
-    monkeypatch.setattr(programs_in_parts, "_solved", counted)
-    for shares in (1, 3):
-        monkeypatch.setattr(programs_in_parts, "shares", lambda shares=shares: shares)
-        cut.append([])
-        with jax.enable_x64(True):
-            found.append(solved_in_parts(*given, spec=u.spec))
-    assert [sorted(lanes) for lanes in cut] == [[101], [33, 34, 34]]
-    for together, apart in zip(*found, strict=True):
-        np.testing.assert_array_equal(together, apart)
-
-
-@pytest.mark.parametrize("medium", [0, 1])  # known, and with the model
-def test_the_index_is_that_of_the_medium(medium):
-    u, targets = of("air | SiO2 10..40 nm | lorentz:2", Settings(), R=0.2)
-    y = starts(u.moving, 70, 3)
-    with jax.enable_x64(True):
-        wanted = medium_index(
-            u.spec,
-            medium,
-            u.spec.values(jnp.asarray(y), jnp.asarray(u.held)),
-            targets.points.wavelength_um,
-        )
-        found = index_in_parts(Parts(u.spec, targets), y, medium)
-    for part, one in zip(found, wanted, strict=True):
-        np.testing.assert_allclose(part, np.broadcast_to(one, part.shape), rtol=1e-13)
 
 
 def test_models_of_one_film_share_their_optics():
