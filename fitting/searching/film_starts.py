@@ -1,14 +1,7 @@
-"""Starts of a sample with films: thicknesses that agree with the interference fringes.
-
-Where a film absorbs, or reflects like a metal, there are no fringes, and the edge of that range
-dominates a scan over the whole spectrum. In a quarter of the spectrum without it there are a few
-regular fringes, whose number gives the optical thickness for any dispersion. A fit of that quarter
-is followed to the whole of the spectrum step by step.
-"""
+"""Starts of a sample with films: thicknesses that agree with the interference fringes."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -19,7 +12,6 @@ from fitting.optics.spec import NCS, Spec
 from fitting.problem.lanes import LANES
 from fitting.problem.observations import Observations
 from fitting.problem.problem import Problem
-from fitting.problem.programs import Targets
 from fitting.process.compiled import compiled, fit_settings
 from fitting.samples.parameters import Unknown, from_parameter, start_range, value_and_slope
 from fitting.searching.fringes import likely_thicknesses, phase_rate
@@ -38,8 +30,6 @@ _INDEX = {
 }  # fmt: skip
 # A film of fewer fringes at most has none to be found by, beside one that has more.
 _LEAST_FRINGES = 0.5
-# Number of fringes of the thickest film from which on parts of the spectrum are searched, too.
-_FRINGES = 20.0
 
 
 class Film(NamedTuple):
@@ -189,24 +179,6 @@ def by_fringes(
     return np.concatenate(out, 1)
 
 
-def along_fringes(
-    fit: Problem, film: Film, y: np.ndarray, rows: np.ndarray, factors: Sequence[float]
-) -> np.ndarray:
-    """Return y (p, L) with the index times each of F factors and the phase as it is, (p, F L).
-
-    rows: (bool, of all) in which the phase is kept. The fringes determine only the product of index
-    and thickness, and the solver moves slowly along a constant product.
-    """
-    phase = thickness_um(fit, film, y) * middle(phase_rates(fit, film, y)[:, rows])
-    out = []
-    for factor in factors:
-        scaled = scaled_index(fit, film, y, factor)
-        moved = phase / middle(phase_rates(fit, film, scaled)[:, rows])
-        scaled[film.row] = coordinate(fit, film, np.clip(moved, film.low_um, film.high_um))
-        out.append(scaled)
-    return np.concatenate(out, 1)
-
-
 def scaled_index(fit: Problem, film: Film, y: np.ndarray, factor: float | np.ndarray) -> np.ndarray:
     """Return y (p, L) with the film's index times a factor () or (L,), if its model allows."""
     out = y.copy()
@@ -233,67 +205,30 @@ def thickness_um(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
     return 1e-3 * value_and_slope(fit.u.moving[film.row].parameter.coordinate, y[film.row])[0]
 
 
-def many_fringes(fit: Problem, film: Film, y: np.ndarray) -> bool:
-    """Whether so thick a film may be looked for that its parts of the spectrum have fringes.
+# Parts of the spectrum, of at least so many wavelengths; likely thicknesses from each; and the
+# number of fringes of the thickest film from which on they are searched.
+_PARTS, _LEAST, _FEW_LIKELY, _FRINGES = 4, 16, 8, 20.0
 
-    y: (p, L) random starts, half of which have as many. A wrong minimum may have hardly any: its
-    index can rise with the wavelength as the wavelength does.
+
+def starts_from_parts(
+    fit: Problem, film: Film, candidates: Sequence[np.ndarray]
+) -> list[np.ndarray]:
+    """Return starts (p, S) from the fringes in each quarter of the spectrum by itself.
+
+    candidates: random starts and the lowest ends, (p, L), whose indices are tried. Where a film
+    absorbs, or reflects like a metal, there are no fringes, and the edge of that range dominates a
+    scan over the whole spectrum. A film that is opaque in most of it is described there with any
+    thickness, and so the lowest ends have the right index for the fringes of the other part.
     """
-    rates = phase_rates(fit, film, y[:, :_CANDIDATES])[:, fit.seen.measured]
-    return film.high_um * float(np.median(np.ptp(rates, axis=1))) > _FRINGES
-
-
-# Number of parts in which a film is searched for; the factor by which they grow; the number of
-# evaluations of each; and how many of the lowest starts go on. In the end the _LAST_KEPT lowest
-# have _LAST_STEPS evaluations, since they move along a valley in which only the product of index
-# and thickness is well determined.
-PARTS, _GROWTH, _STEPS, _KEPT = 4, 1.35, 30, 16
-_LAST_STEPS, _LAST_KEPT = 300, 4
-# The least number of wavelengths in a part.
-_LEAST = 16
-
-
-def parts(seen: Observations) -> list[np.ndarray]:
-    """Return the rows of each part, as bool over all rows; nothing for a short spectrum."""
-    wavelength = seen.points.wavelength_um[:, 0]
-    used = seen.measured
-    distinct = np.unique(wavelength[used])
-    if len(distinct) < PARTS * _LEAST:
+    wavelength, used = fit.seen.points.wavelength_um[:, 0], fit.seen.measured
+    each = np.array_split(np.unique(wavelength[used]), _PARTS)
+    rates = [phase_rates(fit, film, y[:, :MANY_CANDIDATES]) for y in candidates]
+    most = film.high_um * float(np.median(np.ptp(rates[0][:, used], axis=1)))
+    if min(map(len, each)) < _LEAST or most < _FRINGES:
         return []
-    ends = np.append(distinct[:: -(-len(distinct) // PARTS)], np.inf)
-    return [used & (wavelength >= a) & (wavelength < b) for a, b in itertools.pairwise(ends)]
-
-
-def _at(fit: Problem, rows: np.ndarray) -> Targets:
-    """Return what is compared with the data of some rows only."""
-    t = fit.targets
-    weights = tuple(np.where(rows[:, None], w, 0.0) for w in t.weights)
-    if NCS not in fit.seen.channels:
-        return t._replace(weights=weights)
-    return t._replace(weights=weights, ncs_weights=np.where(rows[:, None], t.ncs_weights, 0.0))
-
-
-def followed_to_all(
-    fit: Problem, start: np.ndarray, each: list[np.ndarray], part: int, noise: float
-) -> np.ndarray:
-    """Return the points that the best of starts (p, S) in one part reach for the whole spectrum.
-
-    The part grows by a third at a time: a fit within it predicts the phase of the fringes to less
-    than half a period just beside it, but not far away.
-    """
-    used = np.logical_or.reduce(each)
-    rank = np.argsort(np.argsort(fit.seen.points.wavelength_um[used, 0], kind="stable"))
-    along = np.full(len(used), -1.0)
-    along[used] = rank / len(rank)  # from 0 to 1 along the spectrum
-    low, high = part / len(each), (part + 1) / len(each)
-    y, steps, kept = start, _STEPS, _KEPT
-    while True:
-        if high - low >= 1.0:
-            steps, kept = _LAST_STEPS, _LAST_KEPT
-        part_of = _at(fit, (along >= low) & (along < high))
-        y = fit.held(y, noise, steps, targets=part_of).lowest(kept)
-        if high - low >= 1.0:
-            return y
-        size = min(_GROWTH * (high - low), 1.0)
-        low = min(max(0.5 * (low + high - size), 0.0), 1.0 - size)
-        high = low + size
+    return [
+        by_fringes(
+            fit, film, y, rate, used & (wavelength >= a[0]) & (wavelength <= a[-1]), _FEW_LIKELY
+        )
+        for y, rate in zip(candidates, rates, strict=True) for a in each
+    ]  # fmt: skip

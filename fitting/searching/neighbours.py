@@ -11,29 +11,17 @@ import numpy as np
 from fitting.problem.lanes import LANES, SIFT, Ends, best_of, joined
 from fitting.problem.problem import Problem
 from fitting.samples.parameters import from_parameter, start_range, value_and_slope
-from fitting.searching.film_starts import (
-    MANY_CANDIDATES,
-    Film,
-    along_fringes,
-    by_fringes,
-    films_of,
-    followed_to_all,
-    many_fringes,
-    parts,
-    phase_rates,
-)
-from fitting.searching.fringe_orders import beside as orders_beside
+from fitting.searching.film_starts import films_of, starts_from_parts
 from fitting.searching.last_steps import down_the_valley, followed
 from fitting.searching.minima import SAME_MINIMUM, lowest_ends, lowest_lanes
 from fitting.searching.oscillators import likely_lines, oscillators
+from fitting.searching.fringe_orders import beside as orders_beside
 
 # Fringe orders beside the best minimum that are tried, and how many of them beside others.
 _ORDERS, _FEW = [sign * n for n in range(1, 9) for sign in (1, -1)], 6
 # Number of rounds of further starts; how many of them in a row may find nothing lower; and the
 # share of parameters that is taken from other starts.
 _ROUNDS, _IN_VAIN, _ANEW = 12, 2, 0.4
-# Number of likely thicknesses from a part of the spectrum, and of factors on the index at each.
-_LIKELY, _FACTORS = 8, (0.8, 1.25, 0.6)
 # Number of evaluations of every start where none has led to residuals that are noise.
 _FAR = 300
 
@@ -48,8 +36,7 @@ def with_neighbours(
 
     thorough: after that, if the residuals are still not noise, another round follows (without it, 2
     of 8 fits of a glass plate ended far above the best minimum), and more while these help: for
-    films with starts that are not stopped on their way, before it for films of many fringes with
-    starts from parts of the spectrum, and, where these do not help, with all starts followed
+    films with starts that are not stopped on their way, and before it with all starts followed
     further.
     """
     films = films_of(fit.u.spec, fit.u.moving)
@@ -68,13 +55,11 @@ def with_neighbours(
             break
         if in_vain and films and not tried:
             tried = True
-            if many_fringes(fit, films[0], start):
-                ends = joined([ends, *_from_parts(fit, films[0], ends, start, noise)])
-            if not ends.cost.min() < least - fit.unit(least):
-                # A search follows the starts that are lowest after a few evaluations. The one of
-                # 832 that led to the best minimum of a film was 674th then, and first after _FAR.
-                far = fit.held(start, noise, _FAR).lowest(LANES)
-                ends = joined([ends, followed(fit, far, noise, least)])
+            # A search follows the starts that are lowest after a few evaluations. The one of 832
+            # that led to the best minimum of a film was 674th then, and first after _FAR.
+            some = [start, *starts_from_parts(fit, films[0], (start, lowest_ends(ends)))]
+            far = fit.held(np.concatenate(some, 1), noise, _FAR).lowest(LANES)
+            ends = joined([ends, followed(fit, far, noise, least)])
         further = [_other_lines(fit, ends, moved), _crossed(fit, ends, start, random)]
         # Where an oscillator stands for the free electrons, the order of the fringes is another.
         as_electrons = _as_free_electrons(fit, y[:, None], start[:, :1])
@@ -160,21 +145,3 @@ def _other_lines(fit: Problem, ends: Ends, seen: list[float]) -> np.ndarray:
             without[term[0]] = fit.limits[0][term[0]]
             out.append(likely_lines(fit, without, term, LANES // (4 * len(terms))))
     return np.concatenate(out, 1)
-
-
-def _from_parts(fit: Problem, film: Film, ends: Ends, y: np.ndarray, noise: float) -> list[Ends]:
-    """Return the ends of starts from parts of the spectrum; y: candidates (p, L).
-
-    A film that is opaque in most of the spectrum is described there with any thickness, and so the
-    lowest ends have the right index for the fringes of the part in which it is not.
-    """
-    lowest = lowest_ends(ends)
-    rates, known = (phase_rates(fit, film, a) for a in (y[:, :MANY_CANDIDATES], lowest))
-    out, each = [], parts(fit.seen)
-    for part, rows in enumerate(each):
-        start = by_fringes(fit, film, y, rates, rows, _LIKELY)
-        start = np.concatenate([start, along_fringes(fit, film, start, rows, _FACTORS)], 1)
-        start = np.concatenate([start, by_fringes(fit, film, lowest, known, rows, _LIKELY)], 1)
-        found = followed_to_all(fit, start, each, part, noise)
-        out.append(followed(fit, found, noise, float(ends.cost.min())))
-    return out

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from fitting.problem.lanes import Ends
-from fitting.searching.film_starts import PARTS, parts
-from fitting.searching.last_steps import followed, gone_on, polished
+from fitting.searching.last_steps import followed, polished
 from fitting.uncertainty.covariance import uncertainty_at
 
 
@@ -51,17 +50,6 @@ def test_a_valley_is_followed_within_the_bounds():
     assert abs(fit.cost(s, y, 1.0) - lowest) < 1e-6
 
 
-def test_parts_of_a_spectrum_hold_every_row_once():
-    waves = np.repeat(np.linspace(0.4, 0.8, 70), 2)
-    points = SimpleNamespace(wavelength_um=np.append(waves, [0.8] * 4)[:, None])
-    seen = SimpleNamespace(points=points, measured=np.arange(len(waves) + 4) < len(waves))
-    found = parts(seen)
-    assert len(found) == PARTS
-    assert (np.sum(found, axis=0) == np.append(np.ones(140), np.zeros(4))).all()
-    few = SimpleNamespace(wavelength_um=waves[:, None][:60])
-    assert parts(SimpleNamespace(points=few, measured=np.ones(60, bool))) == []
-
-
 def test_a_start_goes_on_while_it_falls_by_more_than_it_is_above_the_best():
     """Every start has a course of its own, which its place says; at rest it stays where it is."""
     courses = np.array([
@@ -81,17 +69,3 @@ def test_a_start_goes_on_while_it_falls_by_more_than_it_is_above_the_best():
     start = np.stack([np.arange(4), np.zeros(4, int)])
     assert followed(fit, start, 1.0, 516.0).cost.tolist() == [488.5, 610.0, 514.7, np.inf]
     assert followed(fit, start, 1.0, np.inf).cost.tolist() == [488.5, 400.0, 514.7, np.inf]
-
-
-def test_a_start_that_falls_too_little_to_be_worth_it_does_not_go_on():
-    # cost and fall in a stage: too slow; as fast as is needed; there already; above the limit
-    cost = np.array([10.0, 10.0, 5.0, 30.0])
-    fall = np.array([0.1, 2.0, 0.1, 9.0])
-
-    def held(y, noise, steps):
-        y = y - y[1] * np.array([[1.0], [0.0]])
-        return Ends(y, y[0].copy(), np.zeros(y.shape[1], bool), np.full(y.shape[1], steps))
-
-    ends = Ends(np.stack([cost, fall]), cost.copy(), np.zeros(4, bool), np.zeros(4, int))
-    gone_on(SimpleNamespace(held=held), ends, 1.0, 20.0, 6.0, 4)
-    np.testing.assert_allclose(ends.cost, [9.9, 2.0, 4.6, 30.0])
