@@ -39,7 +39,7 @@ from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
 from fitting.searching.fewer_rows import with_fewer_rows
 from fitting.searching.film_starts import film_starts, films_of
-from fitting.searching.stages import searched
+from fitting.searching.search import searched
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
 from fitting.uncertainty.intervals import QUADRATIC, check_choices

@@ -12,7 +12,7 @@ with equal bounds.
 
 Where no model describes the data, a thorough search of films takes longer than all else, and finds
 a lower minimum of few models. Candidates are therefore compared by the minima that the first stages
-of a search find (see `stages`). Those that may then be taken are searched as thoroughly as `fit`
+of a search find (see `search`). Those that may then be taken are searched as thoroughly as `fit`
 does, until this changes nothing.
 """
 

@@ -46,23 +46,6 @@ def followed(fit: Problem, start: np.ndarray, noise: float, best: float) -> Ends
     return ends._replace(y=fit.in_order(ends.y))
 
 
-def gone_on(fit: Problem, ends: Ends, noise: float, below: float, aim: float, stages: int) -> None:
-    """Update the ends that do not rest yet and are below a cost, for so many stages at most.
-
-    aim: the cost that makes one worth it. One stops that would not reach it in the stages that are
-    left if it fell as much in each as in its last one.
-    """
-    fall = np.full_like(ends.cost, np.inf)
-    for left in range(stages, 0, -1):
-        live = np.flatnonzero(~ends.done & (ends.cost < below) & (ends.cost - aim < left * fall))
-        if not len(live):
-            break
-        before = ends.cost[live]
-        ends.put(live, fit.held(ends.y[:, live], noise, STAGE))
-        # a cost may become infinite
-        fall[live] = np.maximum(before - ends.cost[live], 0.0)
-
-
 def down_the_valley(fit: Problem, ends: Ends, noise: float) -> Ends:
     """Return the ends, and where the lowest of them leads if it was stopped on its way.
 

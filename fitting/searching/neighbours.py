@@ -15,7 +15,7 @@ from fitting.searching.film_starts import films_of, starts_from_parts
 from fitting.searching.last_steps import down_the_valley, followed
 from fitting.searching.minima import SAME_MINIMUM, lowest_ends, lowest_lanes
 from fitting.searching.oscillators import likely_lines, oscillators
-from fitting.searching.fringe_orders import beside as orders_beside
+from fitting.searching.other_thicknesses import beside as orders_beside
 
 # Fringe orders beside the best minimum that are tried, and how many of them beside others.
 _ORDERS, _FEW = [sign * n for n in range(1, 9) for sign in (1, -1)], 6

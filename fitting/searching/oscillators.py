@@ -20,14 +20,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.problem.lanes import LANES, STAGE, Ends, best_of, joined
+from fitting.problem.lanes import LANES, Ends, best_of, joined
 from fitting.problem.problem import Problem
 from fitting.problem.programs_in_parts import in_parts
 from fitting.problem.slopes import slopes_at
 from fitting.problem.unknowns import terms_of
 from fitting.samples.parameters import LOG, from_parameter, value_and_slope
-from fitting.searching.last_steps import STAGES_ON, gone_on
-from fitting.searching.minima import lowest_ends, scatter_of
+from fitting.searching.last_steps import followed
+from fitting.searching.minima import lowest_ends
 from fresnel_jax.dispersion import HC_EV_UM
 
 # Widths of the grid, evenly in the logarithm from half the step between two measured energies to
@@ -216,9 +216,7 @@ def with_far_oscillators(fit: Problem, ends: Ends, noise: float) -> Ends:
         start = _other_resonances(fit, lowest_ends(ends)[:, :_PARENTS])
         if not start.shape[1]:
             break
-        new = fit.held(start, noise, STAGE)
-        gone_on(fit, new, noise, least + scatter_of(fit, least, noise)[1], least, STAGES_ON)
-        ends = joined([ends, new._replace(y=fit.in_order(new.y))])
+        ends = joined([ends, followed(fit, start, noise, least)])
         if not ends.cost.min() < least - _FALL * fit.unit(least):
             break
     return ends

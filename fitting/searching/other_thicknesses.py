@@ -1,4 +1,9 @@
-"""Other thicknesses of films that have no whole fringe, and starts that were left on their way.
+"""Other thicknesses of films beside the lowest minima, and starts that were left on their way.
+
+Of a film with fringes these are other orders. Where the index may change with the wavelength,
+dozens of orders can fit within the noise, and so can other thicknesses of one order, with another
+index. From each that does, the ones beside it are looked at, until the last of them fits no longer;
+and so are those whose fringes differ only between the measured points.
 
 The thickness of a film with less than a fringe follows from the form of a curve alone, and another
 index may give the same form with another thickness. Thicknesses around the lowest minima are held
@@ -15,12 +20,16 @@ that were .06 to 6 above the best minimum this led 18 to it.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+
 import numpy as np
 
 from fitting.problem.lanes import LANES, STAGE, Ends, best_of, joined
 from fitting.problem.problem import Problem
 from fitting.searching.film_starts import (
     Film,
+    by_fringes,
     coordinate,
     films_of,
     middle,
@@ -29,7 +38,7 @@ from fitting.searching.film_starts import (
     thickness_um,
 )
 from fitting.searching.fringes import phase_rate, thickness_grid
-from fitting.searching.last_steps import STAGES_ON, gone_on
+from fitting.searching.last_steps import followed
 from fitting.searching.minima import NEAR_CHI2, lowest_ends, scatter_of
 
 # Evaluations of a film of a given thickness: so many tell whether it may fit; after so many the
@@ -110,7 +119,7 @@ def _at_all_thicknesses(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
 
 # Thicknesses that are tried, as parts of that of each of so many of the lowest minima.
 _FACTORS, _PARENTS = np.geomspace(0.1, 8.0, 24), 2
-# Films of more fringes than that are told apart by them; see `fringe_orders`.
+# Films of more fringes than that are told apart by them; see `with_all_orders`.
 _FRINGES = 2.0
 # The thinnest film that is tried with a random index, as a part of the thickest.
 _THIN = 1e-3
@@ -134,8 +143,9 @@ def with_other_thicknesses(fit: Problem, ends: Ends, start: np.ndarray, noise: f
     if films and best_of(ends) is not None:
         least = float(ends.cost[ends.done].min())
         shown = least + scatter_of(fit, least, noise)[1]
-        gone_on(fit, ends, noise, _near(fit, ends), shown, STAGES_ON)
-        ends = ends._replace(y=fit.in_order(ends.y))
+        left = np.flatnonzero(~ends.done & (ends.cost < _near(fit, ends)))
+        if len(left):
+            ends.put(left, followed(fit, ends.y[:, left], noise, shown))
     return ends
 
 
@@ -168,3 +178,70 @@ def _near(fit: Problem, ends: Ends) -> float:
     """Return the cost up to which a start is near the best end, of which there is one."""
     least = float(ends.cost[ends.done].min())
     return least + NEAR_CHI2 * fit.unit(least)
+
+
+# Orders on either side of one that fits, and how many starts there are for them at most, of a film.
+_STEPS, _MOST_ORDERS = (1, -1, 2, -2), 200
+# Thicknesses whose fringes, apart from all else, have a misfit of at most so many times the least.
+_LIKELY, _AS_WELL = 12, 4.0
+# Two films closer than that in thickness and number of fringes are one, in fringes.
+_SAME = 0.4
+
+
+def beside(fit: Problem, film: Film, y: np.ndarray, orders: Sequence[int]) -> np.ndarray:
+    """Return starts (p, S) some fringe orders beside those of y (p, L), all lanes of each order.
+
+    Within the bounds of the thickness. First with the index changed as much, so that the optical
+    thickness stays, and with it the number of fringes; then with the index as it is.
+    """
+    thickness, out = thickness_um(fit, film, y), [y[:, :0]]
+    rate = middle(phase_rates(fit, film, y))
+    bounds = fit.u.moving[film.row]
+    for scaled, order in itertools.product((True, False), orders):
+        moved = thickness + order / rate
+        inside = (max(1e-3 * bounds.low, 0.0) < moved) & (moved < 1e-3 * bounds.high)
+        moved = moved[inside]
+        factor = thickness[inside] / moved if scaled else 1.0
+        start = scaled_index(fit, film, y[:, inside], factor)
+        start[film.row] = coordinate(fit, film, moved)
+        out.append(start)
+    return np.concatenate(out, 1)
+
+
+def with_all_orders(fit: Problem, ends: Ends, noise: float) -> Ends:
+    """Return the ends, and those of the orders beside every end that fits as well as the best.
+
+    And of thicknesses with the same fringes at the measured points: fringes that are sampled less
+    than twice look like others with as many more or fewer periods between two neighbouring points.
+    """
+    for film in films_of(fit.u.spec, fit.u.moving) if best_of(ends) is not None else ():
+        looked_at, known, asked = np.zeros(len(ends.cost), bool), np.empty((0, 2)), 0
+        while asked < _MOST_ORDERS:
+            least = float(ends.cost[ends.done].min())
+            well = ends.cost < least + scatter_of(fit, least, noise)[1]
+            new = np.flatnonzero(well & ~looked_at)
+            if not len(new):
+                break
+            looked_at[new] = True
+            y, lowest = ends.y[:, new], ends.y[:, new[[np.argmin(ends.cost[new])]]]
+            rates = phase_rates(fit, film, lowest)
+            alike = by_fringes(fit, film, lowest, rates, fit.seen.measured, _LIKELY, _AS_WELL)
+            start = np.concatenate([beside(fit, film, y, _STEPS), alike], 1)
+            known, fresh = np.concatenate([known, _places(fit, film, y)]), []
+            for i, at in enumerate(_places(fit, film, start)):
+                # The step between two orders is one fringe, whatever the index.
+                if (np.abs(known - at) > _SAME * np.array([at[0] / at[1], 1.0])).any(1).all():
+                    known = np.concatenate([known, at[None]])
+                    fresh.append(i)
+            if not fresh:
+                break
+            asked += len(fresh)
+            ends = joined([ends, followed(fit, start[:, fresh], noise, least)])
+            looked_at = np.append(looked_at, np.zeros(len(fresh), bool))
+    return ends
+
+
+def _places(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
+    """Return the thickness (um) and the number of fringes, (L, 2), of y (p, L)."""
+    thickness = thickness_um(fit, film, y)
+    return np.stack([thickness, thickness * middle(phase_rates(fit, film, y))], 1)

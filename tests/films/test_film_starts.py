@@ -9,18 +9,19 @@ from fitting.problem.observations import observations
 from fitting.problem.problem import FitOptions, Problem
 from fitting.problem.programs import targets_of
 from fitting.problem.unknowns import spectrum_of, unknowns
-from fitting.samples.parameters import Settings, from_parameter
+from fitting.samples.parameters import Settings, from_parameter, value_and_slope
 from fitting.searching.film_starts import (
     _index_of,
     coordinate,
+    film_index,
     film_starts,
     films_of,
     scaled_index,
     thickness_um,
 )
-from fitting.searching.fringe_orders import with_all_orders
 from fitting.searching.last_steps import down_the_valley
 from fitting.searching.neighbours import _as_free_electrons
+from fitting.searching.other_thicknesses import with_all_orders
 from fitting.searching.starts import start_at, starts
 
 WAVES = np.linspace(0.4, 0.8, 16)
@@ -40,6 +41,19 @@ def problem_of(m, sample, errors):
 def index(fit, y):
     eta, _ = _index_of(y[:, None], fit.u.held, WAVES[:, None], 1.0, spec=fit.u.spec, medium=0)
     return np.asarray(eta)[:, 0]
+
+
+def test_the_index_of_a_film_in_every_lane():
+    fit = job("cauchy:2")
+    y = starts(fit.u.moving, 70, 3)  # more than run side by side
+    row = {name: i for i, name in enumerate(fit.u.spec.moving)}
+    A, B = (
+        value_and_slope(fit.u.moving[i].parameter.coordinate, y[i])[0]
+        for i in (row["film.A"], row["film.B"])
+    )
+    eta, k = film_index(fit, films_of(fit.u.spec, fit.u.moving)[0], y)
+    np.testing.assert_allclose(eta, A + B / WAVES[:, None] ** 2, rtol=1e-13)
+    assert eta.shape == k.shape and not k.any()
 
 
 @pytest.mark.parametrize("model, values", [

@@ -8,7 +8,7 @@ from fitting.fits import fit_checked
 from fitting.problem.lanes import LANES
 from fitting.problem.problem import FitOptions, Kept
 from fitting.samples.parameters import Settings
-from fitting.searching import neighbours, stages
+from fitting.searching import neighbours, search
 from fitting.searching.search import grown_starts
 from fitting.searching.starts import start_at
 from fitting.searching.starts import starts as start_points
@@ -24,13 +24,13 @@ WAVES = np.linspace(0.42, 0.8, 45)
 @pytest.fixture
 def counted(monkeypatch):
     """The number of starts of every search."""
-    counts, solved = [], stages.solved
+    counts, solved = [], search.solved
 
     def watched(few, start):
         counts.append(start.shape[1])
         return solved(few, start)
 
-    monkeypatch.setattr(stages, "solved", watched)
+    monkeypatch.setattr(search, "solved", watched)
     return counts
 
 
@@ -70,7 +70,7 @@ def test_a_parameter_of_the_instrument_begins_where_it_was_fixed():
     job = problem_of([measurement(1e-3)], which, settings, FitOptions(near="without"))
     free = [name for name in job.u.spec.moving if name != "scale_0"]
     known = {name: np.arange(8.0) for name in free}
-    near = stages._near(job, Kept({}, {"without": known}))
+    near = search._near(job, Kept({}, {"without": known}))
     assert near is not None
     row = job.u.spec.moving.index("scale_0")
     np.testing.assert_array_equal(near[row], 0.0)  # log 1
