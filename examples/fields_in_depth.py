@@ -62,7 +62,7 @@ def draw(path, size: int) -> None:
         fig.colorbar(image, ax=field, label=r"$\log_{10}|E|^2$", pad=0.01)
         media = [1.0, *LAYERS, 1.0]
         fine = np.sort(np.append(np.linspace(0.42, 0.75, 1500), MIDDLE_UM))
-        T = stack(1.0, media, thickness_um=THICKNESS_UM, wavelength_um=fine).T
+        T = stack(1.0, media, thickness_um=THICKNESS_UM, wavelength_um=fine, exact=False).T
         passed.plot(T, 1e3 * fine, color=GREY)
         passed.set(title="T", xlim=(0, 1.02), ylim=(420, 750), xticks=(0, 1), yticklabels=[])
         into = np.linspace(0.0, SILICON_UM + 0.06, 4 * size)

@@ -138,6 +138,7 @@ def test_prism(example, tmp_path):
     np.testing.assert_allclose(results["passed_rgb"], expected, rtol=1e-12)
 
 
+@pytest.mark.study
 def test_fields_in_depth(example, tmp_path):
     depth = example("fields_in_depth")
     results = depth.main([str(tmp_path / "fields.png"), "--size", "40"])
