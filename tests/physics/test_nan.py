@@ -99,8 +99,14 @@ def test_of_one_boundary(name, dtype):
         arrays = [x if i == 2 and x == 0.0 else jnp.full(3, x, dtype) for i, x in enumerate(given)]
         for leaf in jax.tree.leaves(function(*arrays)):
             assert np.isnan(np.asarray(leaf)).all(), (name, given, leaf)
-    if name in ("powers", "psi_delta"):  # numbers instead of arrays
-        assert np.isnan(np.asarray(jax.tree.leaves(function(1.0, NAN, 0.1)))).all()
+
+
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=[pytest.mark.study] * (name not in ("powers", "psi_delta")))
+    for name in BOUNDARY
+])  # fmt: skip
+def test_of_numbers_instead_of_arrays(name):
+    assert np.isnan(np.asarray(jax.tree.leaves(BOUNDARY[name](1.0, NAN, 0.1)))).all()
 
 
 @pytest.mark.study
