@@ -189,7 +189,7 @@ def explained(
         first, *rest = map(str, sample.media)
         text = " | ".join([first, " ".join(_COVER), *rest])
         covered = fitted("layer", Sample.parse(text))
-        same = [n for n in covered.names if "thickness" not in n or n != covered.names[0]]
+        same = tuple(n for n in covered.names if "thickness" not in n or n != covered.names[0])
         tried.append(
             (f"a layer of index {_COVER[0]} on top, in the sample '{text}'", covered, same)
         )

@@ -51,7 +51,7 @@ class FresnelDielectric(eqx.Module):
     Source: PBRT 3rd ed. `FresnelDielectric`, 4th ed. sec. 9.3.5.
     """
 
-    __repr__ = values_shown
+    __repr__ = values_shown  # pyright: ignore[reportAssignmentType]
 
     eta: Array = eqx.field(converter=index_named("eta"))
     eta_outside: Array = eqx.field(converter=index_named("eta_outside"), default=1.0)
@@ -74,7 +74,7 @@ class FresnelConductor(eqx.Module):
     Source: PBRT 3rd ed. `FresnelConductor`, 4th ed. sec. 9.3.6.
     """
 
-    __repr__ = values_shown
+    __repr__ = values_shown  # pyright: ignore[reportAssignmentType]
 
     eta: Array = eqx.field(converter=float_named("eta"))
     k: Array = eqx.field(converter=extinction)
@@ -103,7 +103,7 @@ class FresnelStack(eqx.Module):
     Source: `layers.stack`.
     """
 
-    __repr__ = values_shown
+    __repr__ = values_shown  # pyright: ignore[reportAssignmentType]
 
     index: Array = eqx.field(converter=functools.partial(with_leading_axis, name="index", least=2))
     thickness_um: Array = eqx.field(converter=float_checked("thickness_um", check_length))
@@ -137,7 +137,7 @@ class FresnelFilm(eqx.Module):
     Source: `layers.stack`, `colour`; L. Belcour and P. Barla 2017, doi:10.1145/3072959.3073620.
     """
 
-    __repr__ = values_shown
+    __repr__ = values_shown  # pyright: ignore[reportAssignmentType]
 
     spectrum: FresnelStack
 
@@ -162,7 +162,7 @@ class FresnelFilm(eqx.Module):
 class FresnelNone(eqx.Module):
     """No Fresnel effect: everything is reflected. Source: PBRT 3rd ed. `FresnelNoOp`."""
 
-    __repr__ = values_shown
+    __repr__ = values_shown  # pyright: ignore[reportAssignmentType]
 
     def __call__(self, cos_theta: ArrayLike) -> Array:
         """1 for every `cos_theta`, shape (...)."""

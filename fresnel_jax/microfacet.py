@@ -145,7 +145,7 @@ class TrowbridgeReitz(eqx.Module):
     Source: Trowbridge and Reitz 1975, doi:10.1364/JOSA.65.000531; PBRT 4th ed. sec. 9.6.
     """
 
-    __repr__ = values_shown
+    __repr__ = values_shown  # pyright: ignore[reportAssignmentType]
 
     alpha_x: Array
     alpha_y: Array

@@ -90,9 +90,9 @@ def of_a_solid(fit: Problem, y: np.ndarray) -> bool:
         names = {n for n in u.spec.moving if n.startswith(head) and "thickness" not in n}
         if not isinstance(model, Model) or not names:
             continue
-        own = {n.removeprefix(head): np.float64(v) for n, v in values.items() if head in n}
+        own: Any = {n.removeprefix(head): np.float64(v) for n, v in values.items() if head in n}
         with fit_settings():
-            eta, k = (np.broadcast_to(a, waves.shape) for a in model.index(own, waves))
+            eta, k = (np.broadcast_to(a, waves.shape) for a in model.index(own, waves))  # pyright: ignore
         rise = np.maximum(np.diff(eta), 0.0)[np.maximum(k[1:], k[:-1]) < _CLEAR].sum()
         clear = eta[k < _LOW_K]
         if rise > _RISE or (clear < 1.0).any() or (clear > _HIGHEST).any():

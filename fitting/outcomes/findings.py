@@ -217,7 +217,7 @@ def _by_the_model_alone(u: Unknowns, m: Measurement, determined: bool) -> bool:
     return normal or len({*zip(*columns, strict=True)}) == waves
 
 
-def _what(sample: Sample) -> str:
+def _what(sample: Any) -> str:
     return "one bare surface" if sample.bare else "this stack" if sample.films else "this plate"
 
 

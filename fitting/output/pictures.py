@@ -292,7 +292,7 @@ def _each(axes: Axes, fit: FitData, name: str, color: str, x: np.ndarray, mark: 
         axes.plot(x[limited], limit[limited], "v", color=color, markersize=6.0, label=label, **look)
     if not good.all():
         axes.plot(
-            x[~good], np.zeros(np.sum(~good)), "|", transform=axes.get_xaxis_transform(),
+            x[~good], np.zeros(int(np.sum(~good))), "|", transform=axes.get_xaxis_transform(),
             color=GREY, markersize=9.0, label="not determined",
         )  # fmt: skip
     if not good.any():

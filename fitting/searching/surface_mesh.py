@@ -104,7 +104,7 @@ def _sums(curves: Curves, pick: np.ndarray, grid: np.ndarray) -> _Sums:
     square, totals = np.zeros((1, len(pick))), np.zeros((5, len(grid), len(pick)))
     for q, v, w in zip(curves.seen.channels, targets.values, targets.weights, strict=True):
         w = w * w
-        wv, s = w * v, {"R_s": 1.0, "R_p": 0.0}.get(q, targets.points.s_share)
+        wv, s = w * v, float(q == "R_s") if q in ("R_s", "R_p") else targets.points.s_share
         p = 1.0 - s
         square += (wv * v).sum(0)
         for total, factor, of in zip(
@@ -117,8 +117,8 @@ def _sums(curves: Curves, pick: np.ndarray, grid: np.ndarray) -> _Sums:
                 below = np.minimum(place.astype(int), len(grid) - 2)
                 np.add.at(total, (below, each), of * factor * (1.0 - place + below))
                 np.add.at(total, (below + 1, each), of * factor * (place - below))
-    squares = (t[:, :1] if (t == t[:, :1]).all() else t for t in totals[2:])
-    return _Sums(totals[0], totals[1], *squares, square)
+    ss, sp, pp = (t[:, :1] if (t == t[:, :1]).all() else t for t in totals[2:])
+    return _Sums(totals[0], totals[1], ss, sp, pp, square)
 
 
 def _reflectances(index: np.ndarray, angle_deg: np.ndarray) -> np.ndarray:

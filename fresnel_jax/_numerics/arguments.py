@@ -229,7 +229,7 @@ def check_unit(direction, name: str):
         )
 
 
-def values_shown(model) -> str:
+def values_shown(model: Any) -> str:
     """A model with the values of its fields, of large and unreadable arrays their shape.
 
     ``Dielectric(eta=1.5, distribution=TrowbridgeReitz(alpha_x=0.1, alpha_y=0.1), ...)``

@@ -75,7 +75,7 @@ class Dielectric(eqx.Module):
     doi:10.2312/EGWR/EGSR07/195-206.
     """
 
-    __repr__ = values_shown
+    __repr__ = values_shown  # pyright: ignore[reportAssignmentType]
 
     eta: Array = eqx.field(converter=index_named("eta"))
     distribution: TrowbridgeReitz | None = None

@@ -37,7 +37,7 @@ class Reflector(eqx.Module):
     Source: PBRT 3rd ed. `SpecularReflection`, 4th ed. `ConductorBxDF`.
     """
 
-    __repr__ = values_shown
+    __repr__ = values_shown  # pyright: ignore[reportAssignmentType]
 
     fresnel: FresnelTerm
     distribution: TrowbridgeReitz | None = None

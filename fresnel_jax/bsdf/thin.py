@@ -36,7 +36,7 @@ class ThinDielectric(eqx.Module):
     Source: Stokes 1860, doi:10.1098/rspl.1860.0119; PBRT 4th ed. eq. 9.10.
     """
 
-    __repr__ = values_shown
+    __repr__ = values_shown  # pyright: ignore[reportAssignmentType]
 
     eta: Array = eqx.field(converter=index_named("eta"))
 
