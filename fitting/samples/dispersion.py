@@ -258,9 +258,10 @@ def _gaussian(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
 
 
 def _gaussian_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
-    parts = _numbered(terms, v, "amplitude", "resonance_ev", "width_ev")
-    amplitude, resonance, width = map(jnp.stack, parts)
-    return dispersion.Gaussian(amplitude, resonance, width, v["eps_inf"])
+    amplitudes, resonances, widths = map(
+        jnp.stack, _numbered(terms, v, "amplitude", "resonance_ev", "width_ev")
+    )
+    return dispersion.Gaussian(amplitudes, resonances, widths, v["eps_inf"])
 
 
 def _pole(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import abc
 import functools
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
@@ -42,16 +41,14 @@ class DispersionModel(eqx.Module):
 class SumOfTerms(DispersionModel):
     """A permittivity `eps_inf` + susceptibility, eta + ik its square root."""
 
-    if TYPE_CHECKING:  # a field of each subclass
-        eps_inf: Array
-
     @abc.abstractmethod
     def susceptibility(self, energy: Array) -> tuple[Array, Array]:
         """Real and imaginary part of the sum of all terms at photon energies in eV."""
 
     def index(self, wavelength_um: Array) -> Index:
         re, im = self.susceptibility(photon_energy_ev(wavelength_um))
-        return index_of_permittivity(self.eps_inf.astype(re.dtype) + re, im)
+        eps_inf: Array = self.eps_inf  # pyright: ignore[reportAttributeAccessIssue]
+        return index_of_permittivity(eps_inf.astype(re.dtype) + re, im)
 
 
 def in_one_type(wavelength_um: ArrayLike, model) -> Array:

@@ -124,7 +124,7 @@ def test_refusals():
     with pytest.raises(ValueError, match="needs a value of B"):
         simulate("cauchy:2", {"A": 1.5}, 45.0, 0.5, "R")
     for quantity in ("Delta", ["psi", "Delta"], "r_s"):  # once a number without meaning
-        with pytest.raises(ValueError, match=r"no quantity .*; one of R_s, .*, psi, delta, .*, S was"):
+        with pytest.raises(ValueError, match=r"no quantity .*; one of R_s, .*, psi, .*, S was"):
             simulate("Si", {}, 60.0, 0.5, quantity)
     for angle in (100.0, -10.0, np.nan, "60", []):
         with pytest.raises(ValueError, match=r"angles? of "):
