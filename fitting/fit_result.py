@@ -65,7 +65,7 @@ class Fit(FitData):
             png = pictures.picture_bytes(pictures.draw(self, warnings=False), ".png")
         return page.notebook(self, png)
 
-    def plot(self, reference: str | None = None, others: Sequence[FitData] = ()) -> Any:
+    def plot(self, reference: str | None = None, others: FitData | Sequence[FitData] = ()) -> Any:
         """Return a matplotlib Figure of data, fit and residuals.
 
         Args:

@@ -174,8 +174,7 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
 _SAMPLE = "'air | cauchy 5..2000 nm | Si'"
 # What to try: a question or a reason ("" for none), and an option of the command with its value.
 # A function of the values gives () where nothing is to be tried.
-_Tries = tuple[tuple[str, str], ...]
-TRY: dict[str, _Tries | Callable[[Mapping[str, Any]], _Tries]] = {
+TRY: dict[str, wording.Tries | Callable[[Mapping[str, Any]], wording.Tries]] = {
     "not_converged": wording.more_starts,
     "gain_instead": lambda v: (("", f"--sample '{v['sample']}' --free scale"),),
     "circle": (("Glass?", "--fix k=0"),),
@@ -239,12 +238,16 @@ def keywords(option: str) -> str:
     return ", ".join(out)
 
 
+def tries_of(code: str, values: Mapping[str, Any]) -> wording.Tries:
+    """Return what to try where a warning is right."""
+    tries = TRY.get(code, ())
+    return tries if isinstance(tries, tuple) else tries(values)
+
+
 def advice(code: str, values: Mapping[str, Any]) -> str:
     """Return what to try where a warning is right: ``Glass? Try --fix k=0 (in Python: ...).``"""
-    tries = TRY.get(code, ())
-    tries = tries(values) if callable(tries) else tries
     return " ".join(
         f"{why} {'T' if not why or why.endswith('?') else 't'}ry {option} "
         f"(in Python: {keywords(option)}).".lstrip()
-        for why, option in tries
+        for why, option in tries_of(code, values)
     )

@@ -2,6 +2,7 @@
 
 import shlex
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from fitting import Measurement, fit, read_csv
 from fitting.command import cli
 from fitting.residuals.error_model import UNLIKELY, beyond_chance
 from fitting.results.diagnostics import Warning
-from fitting.results.sentences import SENTENCES, TRY, keywords
+from fitting.results.sentences import SENTENCES, TRY, keywords, tries_of
 from tests.truth.simulated import simulated, textbook
 
 ANGLES = tuple(np.linspace(20.0, 80.0, 20))
@@ -19,9 +20,11 @@ METAL = simulated(0.4, 2.6, 1e-3, angles=ANGLES, seed=3)
 FILM = "air | constant 60..400 nm | 3.9"
 
 
-def over_angle(angle, quantity="R", value=None, sigma=1e-3):
+def over_angle(angle, quantity: Any = "R", value=None, sigma: Any = 1e-3):
     quantities = [quantity] if isinstance(quantity, str) else quantity
-    each = {q: textbook(np.array(angle), np.full(len(angle), q), 1.5, 0.0) for q in quantities}
+    each: dict[str, Any] = {
+        q: textbook(np.array(angle), np.full(len(angle), q), 1.5, 0.0) for q in quantities
+    }
     each = each if value is None else {quantity: value}
     return Measurement.from_columns(np.array(angle), 0.6, sigma=sigma, **each)
 
@@ -49,7 +52,7 @@ def p_at_two_angles():
 
 def off_by_five_degrees():
     true = simulated(0.4, 2.6, 1e-4, angles=ANGLES, seed=3)
-    columns = {q: true.value[true.quantity == q] for q in ("R_s", "R_p")}
+    columns: dict[str, Any] = {q: true.value[true.quantity == q] for q in ("R_s", "R_p")}
     return Measurement.from_columns(np.array(ANGLES) - 5.0, 0.6, sigma=1e-4, **columns)
 
 
@@ -124,8 +127,7 @@ def test_what_a_warning_says_to_try_can_be_run(code, m, how, values):
         warning = next(w for w in told if w.code == code)
     else:
         warning = Warning(code, {}, values)
-    tries = TRY[code](warning.values) if callable(TRY[code]) else TRY[code]
-    for why, option in tries:
+    for why, option in tries_of(code, warning.values):
         assert f"ry {option} (in Python: {keywords(option)})." in warning.advice
         assert why in warning.advice
         asked = eval(f"dict({keywords(option)})")  # as it is copied into fit(...)

@@ -287,7 +287,7 @@ def test_a_batch_without_data_is_drawn_over_its_curves_or_as_a_map(tmp_path):
 
 def nine_angles(quantities=("psi", "delta")):
     angle, wave = (a.ravel() for a in np.meshgrid(np.arange(45.0, 90.0, 5.0), [0.5, 0.6, 0.7]))
-    each = {q: simulate("1.5+0.1i", {}, angle, wave, q) for q in quantities}
+    each: dict[str, Any] = {q: simulate("1.5+0.1i", {}, angle, wave, q) for q in quantities}
     return Measurement.from_columns(angle, wave, source="nine <angles>", **each)
 
 
