@@ -61,6 +61,7 @@ def too_good():
     return replace(true, sigma=np.full(len(true), 1e-3))
 
 
+AT_600_NM = over_angle(ANGLES, ("R_s", "R_p"))
 ONE, SEVERAL = {"sample": "constant"}, {"own": (), "spectrum": True}
 # What is fitted, and how; and where no small fit has the warning, what stands in its advice.
 CASES = [
@@ -73,10 +74,10 @@ CASES = [
     ("combination", GLASS, {}, {"eta": 1.5, "k": 0.0}),
     ("one_value", GLASS, {}, {}),
     ("not_seen", GLASS, ONE, {"hold": ("eta", 1.5)}),
-    ("thin_film", GLASS, {"sample": FILM}, {"thickness": "thickness_nm", "value": 90.0}),
+    ("thin_film", AT_600_NM, {"sample": FILM}, {"thickness": "thickness_nm", "value": 90.0}),
     (
         "fringes_in_noise",
-        GLASS,
+        AT_600_NM,
         {"sample": FILM},
         {"parameter": "thickness_nm", "without": 90.0},
     ),
