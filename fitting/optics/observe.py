@@ -90,7 +90,7 @@ def boundary(
     media, pairs = spec.media, not spec.only_powers
     first: Pair = index[0][0][:2]
     if media.bare:
-        both = powers(c, *first, eta_i, compensated=False)  # in a fifth of the time
+        both = powers(c, *first, eta_i, compensated=False)  # in half of the time
         rho = ellipsometric_ratio(c, *first, eta_i) if pairs else None
         return Light(*both, None if rho is None else _ellipse(rho))
     layers = [

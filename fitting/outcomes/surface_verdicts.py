@@ -25,17 +25,10 @@ from fitting.problem.evaluation import Evaluated
 from fitting.problem.unknowns import Unknowns
 from fitting.process.side_by_side import side_by_side
 from fitting.residuals.residuals import residuals
+from fitting.results import result_parts as status
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import FitData
-from fitting.results.result_parts import (
-    AT_LOWER,
-    CONVERGED,
-    FITTED,
-    NONE,
-    PROFILE,
-    UNDETERMINED,
-    Estimate,
-)
+from fitting.results.result_parts import Estimate
 from fitting.samples.dispersion import Model
 from fitting.samples.parameters import from_parameter, value_and_slope
 from fitting.searching.batch_search import BatchSearch
@@ -64,8 +57,7 @@ _SMALL_PART, _STEPS_IN_K = 0.1, 6
 # by how little chance it is worse than an index.
 _LEAST_RMS, _MOST_A, _CHANCE, _NORMAL_95 = 0.85, 0.3, 0.01, 1.645
 _FLAT_DEG = 30.0
-# Curves that are looked at together, for the size of the arrays.
-_BLOCK = 256
+_BLOCK = 256  # curves that are looked at together: their arrays fit in the cache
 # A first look at the other end of the circle that promises more than so many times what is allowed
 # is the last, and is taken at so many of the data.
 _FAR_ABOVE, _FEW = 100.0, 8
@@ -80,10 +72,9 @@ def _powers(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return R = s R_s + (1 - s) R_p of indices (N,), (N, M), and its derivatives by n and k.
 
-    In real numbers, as `fresnel_jax.powers` for fits: a third of the time that complex ones take.
+    In real numbers, as `fresnel_jax.powers` for fits: complex ones take half as long again.
     """
-    n, k, square = n[:, None], k[:, None], cos * cos
-    sine2 = 1.0 - square
+    n, k, square, sine2 = n[:, None], k[:, None], cos * cos, 1.0 - cos * cos
     x, y = n * n - k * k - sine2, 2.0 * n * k  # Q^2, with Q = a + ib
     rho = np.sqrt(x * x + y * y) + 1e-150
     large = np.sqrt(0.5 * (rho + np.abs(x)))
@@ -140,13 +131,13 @@ class Surface(NamedTuple):
         off = self.miss + self.weight * (R - self.fitted)
         return off, self.weight * by_n, self.weight * by_k
 
-    def on_circle(self, xi: np.ndarray, phi: Any = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Return the least cost at phi near xi, and its xi, (N,) each; at 0: n = exp(xi), k = 0."""
-        cost, c, s = np.full_like(xi, np.inf), np.cos(phi), np.sin(phi)
+    def lossless(self, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least cost of n = exp(xi), k = 0, the end of a circle, near xi, and its xi."""
+        cost = np.full_like(xi, np.inf)
         for _ in range(2):
-            cosh, sinh = np.cosh(xi), np.sinh(xi)
-            off, by_n, by_k = self.at(cosh + sinh * c, sinh * s)
-            slope = by_n * (sinh + cosh * c)[:, None] + by_k * (cosh * s)[:, None]
+            n = np.exp(xi)
+            off, by_n, _ = self.at(n, np.zeros_like(n))
+            slope = by_n * n[:, None]
             g, h = np.vecdot(slope, off), np.vecdot(slope, slope)
             cost, xi = np.vecdot(off, off) - g * g / h, np.clip(xi - g / h, 0.5 * xi, 2.0 * xi)
         return cost, xi
@@ -236,13 +227,8 @@ def verdicts(
     # Near normal incidence the noise decides at which end of the circle, n > 1 or n < 1, the
     # minimum lies, and at n < 1, close to total reflection, the index looks well determined.
     xi = _xi(n, k)
-    end, xi_end = d.on_circle(xi)
-    phi = np.arctan2(k, n - np.cosh(xi))
-    some = np.flatnonzero(~open_ & (n < 1.0) & (end <= alike))
-    if len(some):
-        part, of, turn = d.take(some), xi[some], phi[some]
-        between = [part.on_circle(of, x * turn)[0] for x in (1.0 / 3.0, 2.0 / 3.0)]
-        open_[some] = np.max(between, 0) <= alike[some]
+    end, xi_end = d.lossless(xi)
+    open_ |= (n < 1.0) & (end <= alike)
     strong = np.vecdot(value, value) > _LEAST_RMS**2 * np.vecdot(d.weight, d.weight)
     some = np.flatnonzero(strong & ~open_ & (n < 1.0) & far & (k < n))
     if len(some):
@@ -323,8 +309,7 @@ def verdicts_of_batch(
 ) -> tuple[np.ndarray, Verdicts, np.ndarray] | None:  # fmt: skip
     """Return which of the curves ``which`` (n,) were asked, the verdicts, and y to be shown.
 
-    y (n, p), known, cost: at their minima. Most curves determine their index,
-    as their errors show.
+    y (n, p), known, cost: at their minima. Most curves determine their index, as errors show.
     """
     u, curves = search.job.u, search.curves
     place = _place(u)
@@ -352,7 +337,7 @@ def verdicts_of_batch(
         n, k_, most = (a[some] for a in (eta / outside, k / outside, cost + _ALIKE * scatter))
         # Of metals nearly none passes a first look at the other end of the circle, by a few data.
         few = Surface.of(columns[..., :: max(used.sum() // _FEW, 1)], n, k_)
-        end, _ = few.on_circle(_xi(n, k_))
+        end, _ = few.lossless(_xi(n, k_))
         keep = ask[some] | (end < _FAR_ABOVE * most)
         some, d = some[keep], Surface.of(columns[:, keep], n[keep], k_[keep])
         m = outside[some]
@@ -379,14 +364,17 @@ def marked(found: FitData, v: Verdicts, put: Callable[..., Any], index: bool = T
         value, last = e.value, name.rpartition(".")[2]
         if index and last in ("eta", "k"):
             value = np.where(blank, put(getattr(v, last)), value)[()]
-        no_range = open_ & ((e.interval_kind != np.str_(PROFILE)) | np.isnan(value) | (not index))
+        no_range = open_ & (
+            (e.interval_kind != np.str_(status.PROFILE)) | np.isnan(value) | (not index)
+        )
         return replace(
             e, value=value, sigma=np.where(blank, np.nan, e.sigma)[()],
             interval=np.where(np.asarray(no_range)[..., None], np.nan, e.interval),
-            interval_kind=np.where(no_range, NONE, e.interval_kind)[()],
+            interval_kind=np.where(no_range, status.NONE, e.interval_kind)[()],
             upper_limit=np.where(blank, np.nan, e.upper_limit)[()],
             status=np.select(
-                [open_, none], [UNDETERMINED, AT_LOWER if last == "k" else FITTED], e.status
+                [open_, none],
+                [status.UNDETERMINED, status.AT_LOWER if last == "k" else status.FITTED], e.status,
             )[()],
         )  # fmt: skip
 
@@ -397,7 +385,7 @@ def marked(found: FitData, v: Verdicts, put: Callable[..., Any], index: bool = T
     return replace(
         found, parameters={n: estimate(n, e) for n, e in found.parameters.items()},
         covariance=np.where(np.asarray(blank)[..., None, None], np.nan, found.covariance),
-        status=np.select([open_, none], [UNDETERMINED, CONVERGED], found.status)[()],
+        status=np.select([open_, none], [status.UNDETERMINED, status.CONVERGED], found.status)[()],
         findings=ranked(f for f in told if np.any(f.at)),
         others=() if np.all(open_) else found.others,
     )  # fmt: skip

@@ -160,7 +160,7 @@ powers_kernel.defjvp(_powers_jvp, symbolic_zeros=True)
 
 @jax.custom_jvp
 def plain_powers_kernel(c, n, k, m):
-    """R_s, R_p, T_s, T_p by real numbers, without exact sums, in a fifth of the time with slopes.
+    """R_s, R_p, T_s, T_p by real numbers, without exact sums, in half of the time with slopes.
 
     With everything relative to m, Q = a + ib, rho = |Q|^2 and s^2 = 1 - c^2,
 

@@ -1,9 +1,14 @@
 """Batches of films, plates and models: each curve as `fit` has it, wherever it stands."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from fitting import Measurement, fit, fit_many, simulate
+from fitting.problem.lanes import Ends
+from fitting.searching import batch_search
 
 WAVES = np.linspace(0.42, 0.8, 30)
 FILM = "air | cauchy:2 60..260 nm | Si"
@@ -241,3 +246,19 @@ def test_what_a_batch_does_not_take(change, said):
     options = {"R": np.full((4, 30), 0.3), "sigma": 0.002, "sample": FILM, **change}
     with pytest.raises(ValueError, match=said):
         fit_many(0.0, WAVES, **options)
+
+
+def test_a_lane_that_is_under_way_is_shown_only_if_it_is_by_far_the_lowest(monkeypatch):
+    """Of two curves with a minimum at a cost of 9, one is still falling at 5, the other at 7."""
+    ends = Ends(
+        np.array([[1.0, 2.0, 1.0, 2.0]]), np.array([9.0, 5.0, 9.0, 7.0]),
+        np.array([True, False, True, False]), np.ones(4, int),
+    )  # fmt: skip
+    monkeypatch.setattr(batch_search, "run_curves", lambda *given: ends)
+    u = SimpleNamespace(size=1, free=np.ones(1, bool), spec=None)
+    job: Any = SimpleNamespace(u=u, priors=0, limits=None)
+    curves: Any = SimpleNamespace(n_data=np.array([9, 9]), count=2)
+    search = batch_search.BatchSearch(job, curves)
+    search.run(ends.y, np.array([0, 0, 1, 1]))
+    assert search.best.cost.tolist() == [5.0, 9.0]
+    assert search.best.done.tolist() == [False, True]

@@ -79,6 +79,15 @@ def test_without_noise_it_ends_at_the_rounding_and_not_at_max_steps():
     np.testing.assert_allclose(found.value + found.stats["step"], truth, rtol=1e-12, atol=1e-13)
 
 
+def test_a_misfit_that_is_no_noise_does_not_end_a_lane():
+    """Begun .004 standard errors of it away from the minimum, it goes there all the same."""
+    exact, truth = noisy_decays(0.0)
+    data = np.tile((exact + 1e-8 * RNG.standard_normal(exact.shape))[:, :1], LANES)
+    best = np.asarray(solve(data, truth[:, 0], solver=BatchLevenbergMarquardt(rtol=1e-9)).value)
+    found = np.asarray(solve(data, best[:, 0] + 2e-11).value)
+    np.testing.assert_allclose(found, best, rtol=0.0, atol=2e-12)
+
+
 def test_it_ends_where_no_step_is_accepted_any_more():
     """With no allowance for the rounding of the data, only refused steps say that it is over."""
     data, truth = noisy_decays(noise=0.0)
