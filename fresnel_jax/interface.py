@@ -158,10 +158,10 @@ def powers(
             medium: a Python 0 is recognised and makes the program smaller.
         eta_i: absolute index of the medium that the light comes from, real, > 0.
         compensated: a Python bool. False is for fits, which need R and its derivatives to the noise
-            of data: in real arithmetic without exact sums, with which the normal equations of
-            a least-squares fit take half of the time. The error of R and T is then within 16 eps of 1 and,
-            beside the critical angle, within 40 sqrt(eps) / cos_i, times abs(eta_i / N)^2 where
-            that is above 1; R may exceed 1 by as much.
+            of data: in real arithmetic without exact sums, with which the normal equations of a
+            least-squares fit take half of the time. The error of R and T is then within 16 eps of
+            1 and, beside the critical angle, within 40 sqrt(eps) / cos_i, both times
+            abs(eta_i / N)^2 where that is above 1; R may exceed 1 by as much.
 
     Returns:
         `Powers(R_s, R_p, T_s, T_p)` with `.R` and `.T` for unpolarized light. In total reflection
