@@ -1,11 +1,13 @@
 """Fits whose sample or instrument does not describe the data: their status, and what would."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fitting import Measurement, fit, fit_many, simulate
+from fitting import Measurement, choose, fit, fit_many, read_csv, simulate
+from fitting.outcomes.findings import MISFITS
 
 ANGLES = np.linspace(30.0, 87.0, 16)
 
@@ -80,3 +82,79 @@ def test_residuals_in_order_within_the_stated_errors_are_no_misfit():
     ]
     assert all("residuals_in_order" in codes(f) for f in found)
     assert [f.status for f in found] == ["converged", "misfit", "misfit"]
+
+
+SHIPPED = sorted((Path(__file__).resolve().parents[2] / "examples" / "data").glob("*.csv"))
+FILM = "air | cauchy:2 20..500 nm | {}"
+# Of the measured files those that one of these samples is of, whether it describes them or not.
+SHARED = {
+    "au_532nm_sp/au_532nm_sp_wide.csv": ("free", {}),
+    "lsat_psi_delta_658nm/LSAT_test_data.txt": ("free", {"psi_unit": "deg"}),
+    "glass_slab_RT/clear_glass_3mm_RT.csv": ("air | free 3 mm thick | air", {}),
+    "diamond_film_on_glass/diamond_286nm_on_glass_R.csv": (FILM.format(1.53), {}),
+    "metal_mirror/reflection_EKSMA_Al.csv": ("drude", {}),
+    "ep4_polymer_psi_delta/corefine_polyBrush_ellipsometry.dat": (
+        "air | 1.5 1..100 nm | 3.8397+0.0167i", {},
+    ),
+}  # fmt: skip
+
+
+def check_agreement(found):
+    """No fit converged of which a warning says that the sample does not describe the data."""
+    misfit = np.zeros(np.shape(found.status), bool)
+    for f in found.findings:
+        if f.code in MISFITS:
+            misfit |= f.at
+    status = np.asarray(found.status)
+    assert not (misfit & (status == "converged")).any()
+    assert (misfit | (status != "misfit")).all()
+    if any(n.code == "pseudo_index_misfit" for n in found.notes):
+        assert (status == "misfit").any()
+    for index in np.ndindex(status.shape):
+        one = found[index] if status.shape else found
+        said = "does not describe" in " ".join(w.text for w in one.warnings)
+        assert said <= (one.status in ("misfit", "undetermined"))
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@pytest.mark.parametrize("errors", ["auto", "equal"])
+def test_status_and_warnings_of_every_shipped_file_agree(path, errors):
+    check_agreement(fit(read_csv(path), "free", errors=errors))
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("name", [*SHARED])
+def test_status_and_warnings_of_measured_files_agree(measured_files, name):
+    sample, how = SHARED[name]
+    m = read_csv(measured_files / name, **how)
+    # The headline alone is looked at: a few starts find it.
+    check_agreement(fit(m, sample, intervals="quadratic", starts=8))
+
+
+def test_status_and_warnings_of_simulated_fits_agree(leaking):
+    check_agreement(leaking)
+    rng, wave = np.random.default_rng(1), np.linspace(0.4, 0.8, 30)
+    angles = np.array([55.0, 65.0, 75.0])
+    angle, each = (a.ravel() for a in np.meshgrid(angles, wave))
+    truth = {"A": 1.5, "B": 0.01, "thickness_nm": 40.0}
+    values = {
+        q: simulate("air | cauchy:2 10..90 nm | Si", truth, angle, each, q)
+        + 0.02 * rng.standard_normal(90)
+        for q in ("psi", "delta")
+    }
+    # psi and Delta of a film, as those of one bare boundary: at every wavelength, and in all.
+    m = Measurement.from_columns(angle, each, sigma=0.02, **values)
+    for sample in ("free", "lorentz"):
+        found = fit(m, sample, intervals="quadratic", starts=8)
+        assert (np.asarray(found.status) == "misfit").mean() > 0.9
+        check_agreement(found)
+
+
+def test_a_choice_that_does_not_describe_the_data_is_a_misfit():
+    wave, rng = np.linspace(0.45, 0.8, 24), np.random.default_rng(2)
+    shown = simulate("air | cauchy:2 300 nm held | Si", {"A": 2.0, "B": 0.01}, 0.0, wave, "R")
+    m = Measurement.from_columns(0.0, wave, R=shown + 1e-3 * rng.standard_normal(24), sigma=1e-3)
+    taken = choose(m, ["Si", "1.52"])
+    assert not taken.describes
+    assert taken.fit.status == taken.taken.fit.status == "misfit"
+    check_agreement(taken.fit)
