@@ -175,6 +175,7 @@ def explained(
     names = _imperfections(m, settings)
     errors = "scaled" if found.errors.stated else "equal"
     how = asked._replace(errors=errors, intervals=QUADRATIC, thorough=False, near=asked.kept_as)
+    how = how._replace(start=None)  # its names are those of this sample
 
     def fitted(name: str, sample: Sample = sample, free: tuple[str, ...] = ()) -> FitData:
         quiet = {n: float(instrument_parameter(n).held or 0.0) for n in names if n not in free}
