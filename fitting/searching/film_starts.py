@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from fitting.optics.spec import NCS, Spec
 from fitting.problem.lanes import LANES
 from fitting.problem.observations import Observations
 from fitting.problem.problem import Problem
+from fitting.problem.programs_in_parts import ROWS
 from fitting.process.compiled import compiled, fit_settings
 from fitting.samples.parameters import Unknown, from_parameter, start_range, value_and_slope
 from fitting.searching.fringes import likely_thicknesses, phase_rate
@@ -82,17 +84,24 @@ def _curves(seen: Observations) -> tuple[np.ndarray, np.ndarray]:
 
 def film_index(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
     """Return eta and k of a film in every lane of y (p, L), (2, M, L)."""
-    wavelength, count = fit.seen.points.wavelength_um, y.shape[1]
-    whole = np.pad(y, ((0, 0), (0, -count % LANES)), "edge")  # one program for all numbers of lanes
-    out = np.empty((2, len(wavelength), whole.shape[1]))
+    rows, count = len(fit.seen.points.wavelength_um), y.shape[1]
+    # One program for all numbers of rows and lanes: blocks of both, the last ones filled up.
+    um, eta_i = (
+        np.pad(np.broadcast_to(a, (rows, 1)), ((0, -rows % ROWS), (0, 0)), "edge")
+        for a in (fit.seen.points.wavelength_um, fit.targets.eta_i)
+    )
+    whole = np.pad(y, ((0, 0), (0, -count % LANES)), "edge")
+    out = np.empty((2, len(um), whole.shape[1]))
     with fit_settings():
-        for first in range(0, whole.shape[1], LANES):
-            some = slice(first, first + LANES)
-            out[0, :, some], out[1, :, some] = _index_of(
-                whole[:, some], fit.u.held, wavelength, fit.targets.eta_i,
+        for row, lane in itertools.product(
+            range(0, len(um), ROWS), range(0, whole.shape[1], LANES)
+        ):
+            block, some = slice(row, row + ROWS), slice(lane, lane + LANES)
+            out[0, block, some], out[1, block, some] = _index_of(
+                whole[:, some], fit.u.held, um[block], eta_i[block],
                 spec=fit.u.spec, medium=film.medium,
             )  # fmt: skip
-    return out[..., :count]
+    return out[:, :rows, :count]
 
 
 def phase_rates(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
