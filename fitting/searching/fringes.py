@@ -26,6 +26,10 @@ _STEP = 0.15
 _LARGEST_GRID = 6000
 # Thicknesses below a quarter of a fringe differ in no phase: a few are tried, even in logarithm.
 _THIN = 8
+# Up to so many thicknesses are summed one by one; of more by a Fourier transform with a window of
+# _WIDTH points, whose shape suits twice as many points as thicknesses.
+_FEW, _WIDTH = 160, 12
+_SHAPE = np.pi * np.sqrt((0.75 * _WIDTH) ** 2 - 0.8)
 
 
 def phase_rate(
@@ -68,15 +72,32 @@ def thickness_grid(rate: np.ndarray, low_um: float, high_um: float) -> Grid:
 def harmonic_sums(vectors: np.ndarray, rate: np.ndarray, grid: Grid) -> np.ndarray:
     """Return sum_m vectors[v, m] exp(2 pi i rate[m] d) at all thicknesses d of a grid, (V, D).
 
-    Every thickness of the even ones is a long step and a short one, so that the exponentials of
-    twice the square root of their number are enough, and the rest is a product of matrices.
+    Of many thicknesses by a fast Fourier transform of the vectors (V, M), spread over an even grid
+    of rates with Kaiser and Bessel's window (J. Fessler and B. Sutton, IEEE Trans. Signal Process.
+    51, 560 (2003), doi:10.1109/TSP.2002.807005). Its error is below 1e-11 of the sum of
+    abs(vectors).
     """
-    short = int(np.ceil(np.sqrt(grid.count)))
-    within = np.exp(2j * np.pi * np.outer(grid.step * np.arange(short), rate))
-    along = np.exp(2j * np.pi * np.outer(rate, grid.even[::short]))
-    even = np.swapaxes((vectors[:, None] * within) @ along, 1, 2).reshape(len(vectors), -1)
     thin = vectors @ np.exp(2j * np.pi * np.outer(rate, grid.thin))
-    return np.concatenate([thin, even[:, : grid.count]], 1)
+    if grid.count <= _FEW:
+        return np.concatenate([thin, vectors @ np.exp(2j * np.pi * np.outer(rate, grid.even))], 1)
+    from scipy import sparse, special  # slow to import, of use for films alone
+
+    size = 1 << int(np.ceil(np.log2(2 * grid.count)))
+    # Thicknesses count from the middle one: at the ends the transform of the window is small.
+    middle = grid.count // 2
+    place = size * (rate * grid.step)
+    near = np.floor(place).astype(int)[:, None] + np.arange(1 - _WIDTH // 2, 1 + _WIDTH // 2)
+    distance = (near - place[:, None]) / (0.5 * _WIDTH)
+    window = special.i0(_SHAPE * np.sqrt(np.maximum(1.0 - distance * distance, 0.0)))
+    turned = vectors * np.exp(2j * np.pi * rate * grid.even[middle])
+    rows = sparse.csr_array(
+        (window.ravel(), (near % size).ravel(), np.arange(len(rate) + 1) * _WIDTH),
+        shape=(len(rate), size),
+    )
+    off = np.arange(grid.count) - middle
+    found = size * np.fft.ifft((rows.T @ turned.T).T)[:, off]
+    x = np.sqrt(_SHAPE**2 - (np.pi * _WIDTH * off / size) ** 2)
+    return np.concatenate([thin, found * (x / (_WIDTH * np.sinh(x)))], 1)
 
 
 def _alike(values: np.ndarray, weights: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
