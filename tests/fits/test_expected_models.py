@@ -155,7 +155,7 @@ def test_neutrons_from_silicon_into_heavy_water(measured_files):
     m = read_csv(path, wavelength_um=0.0005)
     options = {"free": ["scale", "background"], "fixed": {"k": 0.0}}
     relative = fit(m, "constant", **options)
-    assert relative.status == "converged"
+    assert relative.status == "misfit"  # the resolution is left out: chi2/dof is 11
     assert 1.50e-5 < 1.0 - relative.parameters["eta"].value < 1.70e-5
     # the same with the index of silicon, 1 - 5^2 SLD / (2 pi), before it
     silicon = 1.0 - 25.0 * 2.07e-6 / (2.0 * np.pi)
