@@ -152,6 +152,7 @@ def _imperfections(m: Measurement, settings: Settings) -> tuple[str, ...]:
     names += ["scale", "background"] * bool(powers.any())
     split = np.char.find(m.quantity[powers], "_") >= 0
     names += ["leak"] * bool(oblique and split.any())
+    names += ["wavelength_offset"] * (len(np.unique(m.wavelength_um)) > 1)
     mentioned = {name.partition("[")[0] for name in settings.names}
     return tuple(n for n in names if n not in mentioned)
 

@@ -22,7 +22,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import chdtr
+from scipy.special import chdtr, chdtrc
 
 ADDED = FLOOR, RELATIVE = "floor", "relative"
 # Without stated errors: each quantity has the scatter of its own residuals.
@@ -46,7 +46,7 @@ GAIN = 2.0
 # The fit with one factor may follow the few best data alone where errors are stated that are more
 # unequal than this; its residuals then say little of a further error.
 UNEQUAL = 10.0
-# So few of right fits have so small a chi2 that their stated errors are said to look too large.
+# So few of right fits have so small, or so large, a chi2 that their stated errors are doubted.
 UNLIKELY = 1e-3
 # Beyond this correlation the factor would exceed 6, and the errors are unknown.
 MOST_CORRELATED = 0.95
@@ -151,11 +151,12 @@ def misses_without_freedom(cost: Any, plain: Any, count: Any, dof: Any, stated: 
 
 
 def beyond_chance(chi2_reduced: Any, dof: Any) -> tuple[Any, Any]:
-    """Return where chi2 / dof is above 1 by 5 sigma and by half, and where it is far below 1.
+    """Return where chi2 / dof is far above 1, and where it is far below.
 
-    That is below the `UNLIKELY` quantile of its distribution, which is skew, and below 1 / 1.5.
+    That is beyond the `UNLIKELY` quantiles of its distribution, and above 1.3 or below 1 / 1.5:
+    less changes no error by much.
     """
     with np.errstate(all="ignore"):
-        large = (chi2_reduced > 1.0 + 5.0 * np.sqrt(2.0 / np.asarray(dof))) & (chi2_reduced > 1.5)
-        small = chdtr(dof, np.asarray(dof) * chi2_reduced) < UNLIKELY
-    return large, small & (chi2_reduced < 1.0 / 1.5)
+        chi2 = np.asarray(dof) * chi2_reduced
+        large, small = chdtrc(dof, chi2) < UNLIKELY, chdtr(dof, chi2) < UNLIKELY
+    return large & (chi2_reduced > 1.3), small & (chi2_reduced < 1.0 / 1.5)
