@@ -31,7 +31,7 @@ from fitting.samples.parameters import (
     check_search,
     settings_of,
 )
-from fitting.searching.last_steps import down_the_valley
+from fitting.searching.last_steps import down_the_valley, without_losses
 from fitting.searching.search import solved
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
@@ -153,12 +153,12 @@ def _unknowns(
     return Unknowns(spec, tuple(moving), np.empty(0), names, units)  # type: ignore[arg-type]
 
 
-def _first_finite(u: Unknowns, targets: Targets, points: np.ndarray) -> Slopes:
-    """Return the derivatives at a starting point where the residuals are finite."""
-    for point in points.T:
+def _first_finite(u: Unknowns, targets: Targets, points: np.ndarray) -> tuple[np.ndarray, Slopes]:
+    """Return a starting point where the residuals are finite, and the derivatives there."""
+    for point in points.T[::-1]:  # the caller's start, if there is one, is the last
         found = u.spec.slopes(targets, point)  # type: ignore[arg-type]
         if np.isfinite(found.residual).all():
-            return found
+            return point, found
     values = Spec.values(u.spec, jnp.asarray(points[:, :1]), jnp.empty(0))  # type: ignore[arg-type]
     strange = np.flatnonzero(~np.isfinite(found.residual))
     at = ", ".join(f"{name} = {float(values[name][0]):.4g}" for name in u.spec.moving)
@@ -180,12 +180,14 @@ def _one(
         stated=asked.errors == "stated",
     )  # fmt: skip
     targets = targets_of(u, rows, np.float64(1.0))
-    middle = _first_finite(u, targets, points)
-    job = Problem(u, rows._replace(row=middle.row), targets, settings, asked)
-    job.starts = points.shape[1]
-    job.squares = float(np.nan_to_num(middle.residual @ middle.residual, nan=1.0, posinf=1.0))
+    first = _first_finite(u, targets, points)
+    residual = first[1].residual
+    job = Problem(u, rows._replace(row=first[1].row), targets, settings, asked)
+    job.starts, job.first = points.shape[1], first
+    job.squares = float(np.nan_to_num(residual @ residual, nan=1.0, posinf=1.0))
     ends, noise = solved(job, points)
-    return fit_of(job, down_the_valley(job, ends, noise), noise, Subject(None, None))
+    ends = without_losses(job, down_the_valley(job, ends, noise), noise)
+    return fit_of(job, ends, noise, Subject(None, None))
 
 
 def fit_residuals(

@@ -31,6 +31,9 @@ from fitting.process.progress import heard, tell
 from fitting.samples.dispersion import Model
 from fitting.samples.parameters import Settings, value_and_slope
 
+# See `Problem.lost`; BoxBOD of NIST is lost at 1e-38 of both.
+_LOST, _NO_CHANGE = 1e-7, 1e-3
+
 
 class Kept(NamedTuple):
     """What searches of the same measurements keep for each other.
@@ -94,6 +97,8 @@ class Problem:
         self.lowest = np.inf  # the cost of the best end that was reported
         self.fewer: np.ndarray | None = None  # the lowest ends (p, 8) of a model with a term less
         self.squares = seen.squares
+        self.looked = 0  # how often residuals with their derivatives were formed, by `slopes`
+        self.first: tuple[np.ndarray, Slopes] | None = None  # a start, of the caller's residuals
 
     @cached_property
     def shown(self) -> Shown:
@@ -205,9 +210,28 @@ class Problem:
 
     def slopes(self, y: np.ndarray) -> Slopes:
         """Return residuals and derivatives at y, of all data."""
+        self.looked += 1
         if not isinstance(self.u.spec, Spec):
             return self.u.spec.slopes(self.targets, y)
         return slopes_at(self.whole.seen, self.whole.shown, y)
+
+    def lost(self, s: Slopes, y: np.ndarray) -> np.ndarray:
+        """Return which unknowns (p,) ran off to y, where the data do not change with them any more.
+
+        The derivatives with respect to the parameter fell by _LOST on the way from the start, and
+        all the way back would change the residuals by less than _NO_CHANGE of their size.
+        """
+        if self.first is None:
+            return np.zeros(len(y), bool)
+        begun, at_start = self.first
+        kinds = [w.parameter.coordinate for w in self.u.moving]
+        size, before = (
+            np.linalg.norm(slopes.jacobian, axis=0)
+            / [max(abs(value_and_slope(k, v)[1]), 1e-300) for k, v in zip(kinds, z, strict=True)]
+            for slopes, z in ((s, y), (at_start, begun))
+        )
+        change = np.linalg.norm(s.jacobian, axis=0) * np.abs(y - begun)
+        return (size < _LOST * before) & (change < _NO_CHANGE * np.linalg.norm(s.residual))
 
     def cost(self, s: Slopes, y: np.ndarray, noise: float) -> float:
         """Return the cost at y."""

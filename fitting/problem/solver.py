@@ -45,7 +45,7 @@ _BEND_DAMPING, _LONGEST_BEND = 0.1, 0.5
 
 # Below this part of the sum of squares of the data no misfit is noise, and so much less of a
 # "standard error" is then the end of a lane.
-_NO_NOISE, _WITHOUT_NOISE = 1e-12, 1e-6
+NO_NOISE, _WITHOUT_NOISE = 1e-12, 1e-6
 
 
 class BatchState(NamedTuple):
@@ -231,7 +231,7 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def _nothing(self, cost: Array, options: dict[str, Any]) -> Array:
         """Return the decrease of each lane's cost that is too small for another evaluation."""
         # A misfit that is no noise tells no error: data without noise lie at the end of a valley.
-        of_errors = jnp.where(cost < _NO_NOISE * options["scale"], _WITHOUT_NOISE, 1.0)
+        of_errors = jnp.where(cost < NO_NOISE * options["scale"], _WITHOUT_NOISE, 1.0)
         enough = of_errors * self.rtol**2 / options["degrees"] + 32.0 * jnp.finfo(cost.dtype).eps
         return enough * cost + self.atol**2 * options["scale"]
 

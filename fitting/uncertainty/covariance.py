@@ -184,7 +184,8 @@ class End(NamedTuple):
 
 def uncertainty_at(fit: Problem, s: Slopes, y: np.ndarray, noise: float) -> Uncertainty:
     """Return the uncertainty of one fit at y (p,), where its derivatives are ``s``."""
+    jacobian = np.where(fit.lost(s, y), 0.0, s.jacobian)
     return uncertainty(
-        fit.u, s.residual, s.jacobian, y, fit.limits, noise, fit.dof, fit.asked.scaled,
+        fit.u, s.residual, jacobian, y, fit.limits, noise, fit.dof, fit.asked.scaled,
         fit.seen.stated,
     )  # fmt: skip
