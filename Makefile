@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo docs notebooks test test-docs quick test-studies lint accuracy accuracy-search jit-study advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study misfit-study film-study film-coverage free-film-study film-models film-choice bench-maps fuzz matrix gpu clean
+.PHONY: demo docs notebooks test test-docs quick test-studies lint accuracy accuracy-search jit-study advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study misfit-study nist-study film-study film-coverage free-film-study film-models film-choice bench-maps fuzz matrix gpu clean
 
 demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
@@ -89,6 +89,9 @@ errors-study: .venv/installed-bench  ## what 95 % intervals hold where stated er
 TRUTHS ?= 3
 misfit-study: .venv/installed-bench  ## whether fits of a sample that is not the true one are told, and what their intervals hold (an hour)
 	$(BIN)/python -m benchmarks.studies.misfit_study --truths $(TRUTHS)
+
+nist-study: .venv/installed-bench  ## digits of NIST's certified values that fits from one start reach (three minutes)
+	$(BIN)/python -m benchmarks.studies.nist_study
 
 model-study: .venv/installed-bench  ## how often --sample auto finds the true model, and adds none too many
 	$(BIN)/python -m benchmarks.studies.model_choice
