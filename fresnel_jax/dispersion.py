@@ -5,8 +5,8 @@
     R = reflectance(cos_theta, gold(wavelengths))
 
 Models: `Constant`, `Cauchy`, `Sellmeier` (lossless), `CauchyUrbach`, `DrudeLorentz` (also by
-`drude` and `lorentz_drude`), `BrendelBormann`, `Gaussian`, `TaucLorentz`, `Sum` of such terms,
-`KramersKronigSpline`, `Tabulated`; `Material` is one of them with a name and a range of
+`drude` and `lorentz_drude`), `BrendelBormann`, `Gaussian`, `TaucLorentz`, `CodyLorentz`, `Sum` of
+such terms, `KramersKronigSpline`, `Tabulated`; `Material` is one of them with a name and a range of
 wavelengths. Each is an `equinox.Module` whose parameters are array fields: a pytree, so that
 `grad`, `jit` and `vmap` reach every parameter (to jit a model itself take `equinox.filter_jit`).
 
@@ -34,6 +34,7 @@ from jaxtyping import Array, ArrayLike
 from . import materials
 from ._numerics.index import Index as Index
 from .indices.absorption_edge import CauchyUrbach as CauchyUrbach
+from .indices.absorption_edge import CodyLorentz as CodyLorentz
 from .indices.absorption_edge import TaucLorentz as TaucLorentz
 from .indices.formulas import Cauchy as Cauchy
 from .indices.formulas import Constant as Constant
@@ -55,6 +56,7 @@ __all__ = [
     "BrendelBormann",
     "Cauchy",
     "CauchyUrbach",
+    "CodyLorentz",
     "Constant",
     "DispersionModel",
     "DrudeLorentz",

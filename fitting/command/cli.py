@@ -64,8 +64,8 @@ An index is a number (1.45, 0.2+3.1i), a named material (gold, BK7; --materials
 lists them), a file (refractiveindex.info YAML, or CSV of wavelength, n and k),
 a mixture (bruggeman(SiO2, water 30 %)), free, auto, or a dispersion model:
 constant, cauchy, cauchy-urbach, sellmeier, drude, lorentz, drude-lorentz,
-tauc-lorentz, gaussian, pole, with the number of its terms: drude-lorentz:2; the
-last six can be added: 'tauc-lorentz + gaussian:2 + pole'.
+tauc-lorentz, cody-lorentz, gaussian, pole, with the number of its terms:
+drude-lorentz:2; the last seven can be added: 'tauc-lorentz + gaussian:2 + pole'.
 
 examples:
   fresnel-fit gold.csv --plot gold.png --json gold.json

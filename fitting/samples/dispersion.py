@@ -242,7 +242,21 @@ def _tauc_lorentz_model(terms: int, v: Mapping[str, Array]) -> dispersion.Disper
     amplitudes, resonances, widths = map(
         jnp.stack, _numbered(terms, v, "amplitude_ev", "resonance_ev", "width_ev")
     )
+    if "cody_ev" in v:
+        shared = v["gap_ev"], v["cody_ev"], v["gap_ev"] + v["tail_above_gap_ev"], v["urbach_ev"]
+        return dispersion.CodyLorentz(amplitudes, resonances, widths, *shared, v["eps_inf"])
     return dispersion.TaucLorentz(amplitudes, resonances, widths, v["gap_ev"], v["eps_inf"])
+
+
+def _cody_lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+    high = spectrum.high_ev
+    # Few data tell of the tail: without a length it vanishes, and its slope says nothing.
+    return (
+        *_tauc_lorentz(terms, spectrum),
+        _positive("cody_ev", "eV", (0.05 * high, high), 1e-3 * high, 1e2 * high),
+        Parameter("tail_above_gap_ev", "eV", (0.0, 0.1 * high), 0.0, high, held=0.0),
+        Parameter("urbach_ev", "eV", (0.02, 0.2), 1e-3, 2.0, held=0.05),
+    )
 
 
 def _gaussian(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
@@ -277,7 +291,7 @@ def _pole_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionMode
 
 
 # Models of a permittivity, which can be terms of a sum.
-_ADDED = ("drude", "drude-lorentz", "lorentz", "tauc-lorentz", "gaussian", "pole")
+_ADDED = ("drude", "drude-lorentz", "lorentz", "tauc-lorentz", "cody-lorentz", "gaussian", "pole")
 
 
 @functools.cache
@@ -330,6 +344,7 @@ KINDS = {
         lambda n, spectrum: (_eps_inf(), *_oscillators(n, spectrum)), _oscillator_model, True, 1, 8
     ),
     "tauc-lorentz": Kind(_tauc_lorentz, _tauc_lorentz_model, True, 1, 8),
+    "cody-lorentz": Kind(_cody_lorentz, _tauc_lorentz_model, True, 1, 8),
     "gaussian": Kind(_gaussian, _gaussian_model, True, 1, 8),
     "pole": Kind(_pole, _pole_model, False),
     # The terms are amplitudes of B-splines in their order.
@@ -378,9 +393,12 @@ def _parse_sum(text: str) -> Model:
     wrong = [name for name in names if name not in _ADDED]
     if wrong:
         raise ValueError(f"{text!r}: {wrong[0]} is none of what can be added, {', '.join(_ADDED)}.")
-    if len({*names}) < len(names) or {"drude", "drude-lorentz"} <= {*names}:
+    overlapping = {"drude", "drude-lorentz"}, {"tauc-lorentz", "cody-lorentz"}
+    if len({*names}) < len(names) or any(both <= {*names} for both in overlapping):
         raise ValueError(
-            f"{text!r}: each model was wanted once, with its number of terms: gaussian:2."
+            f"{text!r}: each model was wanted once, with its number of terms: gaussian:2. "
+            "drude-lorentz has the free electrons of drude; one gap_ev is that of tauc-lorentz or "
+            "of cody-lorentz."
         )
     return Model(" + ".join(map(str, parts)), sum(part.terms for part in parts))
 

@@ -1,8 +1,9 @@
-"""Dispersion near an absorption edge: Cauchy with Urbach's tail, Tauc and Lorentz."""
+"""Dispersion near an absorption edge: Cauchy and Urbach, Tauc and Lorentz, Cody and Lorentz."""
 
 from __future__ import annotations
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -222,3 +223,155 @@ class TaucLorentz(SumOfTerms):
         gap = self.gap_ev.astype(energy.dtype)
         re, im = _tauc_lorentz(energy, amplitudes, resonances, widths, gap)
         return jnp.sum(re, axis=-1), jnp.sum(im, axis=-1)
+
+
+_EI_TERMS = 110
+
+
+@jax.custom_jvp
+def _scaled_ei(x: Array) -> Array:
+    """exp(-x) Ei(x) for x of either sign, within 16 eps of the larger of its value and 0.1.
+
+    Below -1 by the continued fraction, up to 40 by the power series, whose terms are positive for
+    x > 0, and above by the asymptotic series, whose 36th term is below eps there: so many steps of
+    each that the largest is enough. (Without the factor, Ei overflows in float32 beyond 90.)
+    """
+    left, far = x < -1.0, x > 40.0
+    series_x, fraction_x = jnp.where(left | far, 1.0, x), jnp.where(left, -x, 1.0)
+    per_x = 1.0 / jnp.where(far, x, 40.0)
+
+    def step(i, sums):
+        k = jnp.asarray(_EI_TERMS - i, x.dtype)
+        series, fraction, asymptotic = sums
+        series = 1.0 + series * series_x * k / (k + 1.0) ** 2
+        fraction = fraction_x + 2.0 * k - 1.0 - k * k / fraction
+        return series, fraction, jnp.where(k > 36.0, 1.0, 1.0 + k * per_x * asymptotic)
+
+    first = jnp.ones_like(x), fraction_x + 2.0 * _EI_TERMS + 1.0, jnp.ones_like(x)
+    series, fraction, asymptotic = jax.lax.fori_loop(0, _EI_TERMS, step, first)
+    near = jnp.euler_gamma + jnp.log(jnp.abs(series_x)) + series_x * series
+    return jnp.where(
+        left, -1.0 / fraction, jnp.where(far, per_x * asymptotic, jnp.exp(-series_x) * near)
+    )
+
+
+@_scaled_ei.defjvp
+def _scaled_ei_jvp(primals, tangents):
+    (x,), (dx,) = primals, tangents
+    value = _scaled_ei(x)
+    return value, (1.0 / x - value) * dx
+
+
+def _cody_lorentz(energy: Array, distance: Array, amplitude, resonance, width, gap, cody, tail):
+    """(2 / pi) P int x G(x) L(x) / (x^2 - E^2) dx from E_t to infinity, of one oscillator.
+
+    The integrand is rational: the integral is the sum of - residue log(E_t - pole) over its poles.
+    They are -E and E, E_g + i E_p, the zeros z of Q(z) = z^2 - i C z - E_0^2, and the conjugates.
+    The two zeros meet at C = 2 E_0, so that their residues alone are of no use. What is needed of
+    them is a divided difference, which is b if a function at the zeros is a + b (z - i C / 2): such
+    pairs (a, b) multiply by (z - i C / 2)^2 = E_0^2 - C^2 / 4. All is in units of E_0.
+    """
+    e, c, g, w, t = (x / resonance for x in (energy, width, gap, cody, tail))
+    beside = (energy - resonance) / resonance * (e + 1.0)
+    per_p = 1.0 / (beside * beside + (c * e) ** 2)
+    above, below = ((x * x / (x * x + w * w)) for x in ((energy - gap) / resonance, e + g))
+    at_energy = c * e * per_p * (
+        above * jnp.log(jnp.abs(distance) / resonance) - below * jnp.log(t + e)
+    )  # fmt: skip
+    middle, half_square = jax.lax.complex(jnp.zeros_like(c), 0.5 * c), (1 - 0.5 * c) * (1 + 0.5 * c)
+
+    def product(x, y):
+        return x[0] * y[0] + x[1] * y[1] * half_square, x[0] * y[1] + x[1] * y[0]
+
+    pole = jax.lax.complex(*jnp.broadcast_arrays(g, w))
+    of_pole, of_conjugate = (z * z - 2.0 * middle * z - 1.0 for z in (pole, jnp.conj(pole)))
+    share = w * w / (of_pole * of_conjugate)
+    per_distance = -middle * (1.0 + e * e) * per_p, -beside * per_p  # z / (z^2 - E^2)
+    sides = 1.0 + g * g + w * w - 0.5 * c * c - 2.0 * middle * g
+    onset = 1.0 - share * sides, share * (2.0 * middle - 2.0 * g)  # G(z)
+    from_middle = t - middle
+    ratio = half_square / (from_middle * from_middle)
+    meeting = jnp.abs(ratio) < 0.1
+    half = jnp.sqrt(jnp.where(meeting, 1.0, half_square).astype(middle.dtype))
+    apart = (jnp.log(from_middle - half) - jnp.log(from_middle + half)) / (2.0 * half)
+    together = -_odd_series(jnp.where(meeting, ratio, 0.0), 1.0) / from_middle
+    # of the conjugate, so that its imaginary part 0 at E_t = 0 has the right side of the branch cut
+    mean_log = 0.5 * jnp.conj(jnp.log(jax.lax.complex(t * t - 1.0, c * t)))
+    logs = mean_log, jnp.where(meeting, together, apart)
+    # The factor 1 / 2i of the residues at the zeros, and i / 2 at E_g + i E_p, leave what is imag.
+    at_zeros = jnp.imag(product(product(per_distance, onset), logs)[1])
+    square = (pole + e) * jax.lax.complex(*jnp.broadcast_arrays((gap - energy) / resonance, w))
+    log_pole = jnp.log(jax.lax.complex(*jnp.broadcast_arrays((tail - gap) / resonance, -w)))
+    residue = c * w * pole * pole * log_pole / (of_pole * jnp.conj(of_conjugate) * square)
+    total = 0.5 * at_energy + at_zeros - jnp.imag(residue)
+    return (-2.0 / jnp.pi) * (amplitude / resonance) * total
+
+
+class CodyLorentz(SumOfTerms):
+    """Oscillators of an amorphous semiconductor with Cody's onset and Urbach's exponential tail:
+
+    Im eps = G(E) L(E) if E > tail_ev, else (E_1 / E) exp((E - tail_ev) / urbach_ev),
+    G = (E - gap)^2 / [(E - gap)^2 + cody^2],
+    L = sum_j A_j E_j C_j E / [(E^2 - E_j^2)^2 + (C_j E)^2],    E_1 = tail_ev G(tail_ev) L(tail_ev),
+    Re eps = eps_inf + its Kramers-Kronig integral, in closed form;  eta + ik = sqrt(eps).
+
+    Arguments:
+        amplitudes_ev: A_j >= 0 in eV.
+        resonances_ev: E_j > 0 in eV.
+        widths_ev: C_j > 0 in eV, also beyond 2 E_j.
+        gap_ev: E_g, the gap in eV, >= 0, one for all.
+        cody_ev: E_p > 0 in eV: how far above the gap the onset gives way to the oscillators.
+        tail_ev: E_t >= gap_ev in eV, where the tail ends; at the gap it vanishes.
+        urbach_ev: E_u > 0 in eV.
+        eps_inf: permittivity far above all resonances.
+
+    Accuracy: Re eps within 64 eps of the largest of 1, the permittivity, and the norm of its
+    gradient in relative changes of the arguments; Im eps within (16 + 2 (E_t - E) / E_u) eps of
+    itself. No bound is stated where E_g + i E_p meets sqrt(E_j^2 - C_j^2 / 4) + i C_j / 2, a pole
+    of an oscillator: residues cancel there, 38 eps a fortieth of E_j beside it, and the very point
+    gives NaN. Derivatives are finite; those of Re eps at E_t, which are infinite, come out finite.
+    Source: A. S. Ferlauto et al., J. Appl. Phys. 92, 2424 (2002), doi:10.1063/1.1497462; Ei: NIST
+    Digital Library of Mathematical Functions, secs. 6.2 and 6.12.
+    """
+
+    amplitudes_ev: Array = eqx.field(converter=parameters_named("amplitudes_ev"))
+    resonances_ev: Array = eqx.field(converter=parameters_named("resonances_ev"))
+    widths_ev: Array = eqx.field(converter=parameters_named("widths_ev"))
+    gap_ev: Array = eqx.field(converter=float_named("gap_ev"))
+    cody_ev: Array = eqx.field(converter=float_named("cody_ev"))
+    tail_ev: Array = eqx.field(converter=float_named("tail_ev"))
+    urbach_ev: Array = eqx.field(converter=float_named("urbach_ev"))
+    eps_inf: Array = eqx.field(converter=float_named("eps_inf"), default=1.0)
+
+    def __check_init__(self):
+        check_lengths(
+            amplitudes_ev=self.amplitudes_ev,
+            resonances_ev=self.resonances_ev,
+            widths_ev=self.widths_ev,
+        )
+
+    def susceptibility(self, energy: Array) -> tuple[Array, Array]:
+        shared = (self.gap_ev, self.cody_ev, self.tail_ev, self.urbach_ev)
+        gap, cody, tail, urbach = (x.astype(energy.dtype) for x in shared)
+        fields = (self.amplitudes_ev, self.resonances_ev, self.widths_ev)
+
+        def absorption(x):
+            at, amplitudes, resonances, widths = over_terms(x, *fields)
+            beside = (at - resonances) * (at + resonances) / resonances**2
+            loss = at / resonances * (widths / resonances)
+            terms = amplitudes / resonances * loss / (beside * beside + loss * loss)
+            return (x - gap) ** 2 / ((x - gap) ** 2 + cody**2) * jnp.sum(terms, axis=-1)
+
+        # The logarithms of both parts are infinite at E_t, where their factors cancel.
+        distance = jnp.where(energy == tail, jnp.finfo(tail.dtype).eps * tail, tail - energy)
+        at, amplitudes, resonances, widths = over_terms(energy, *fields)
+        above = _cody_lorentz(
+            at, distance[..., None], amplitudes, resonances, widths, gap, cody, tail
+        )
+        of_tail = tail * absorption(tail) / energy
+        steps = jnp.stack([distance, tail + energy, -energy, energy]) / urbach
+        ends = _scaled_ei(steps)
+        below = ends[0] - ends[1] - jnp.exp(-tail / urbach) * (ends[2] - ends[3])
+        re = jnp.sum(above, axis=-1) + of_tail * below / jnp.pi
+        decay = jnp.exp(jnp.minimum(energy - tail, 0.0) / urbach)
+        return re, jnp.where(energy > tail, absorption(energy), of_tail * decay)

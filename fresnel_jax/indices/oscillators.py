@@ -90,9 +90,10 @@ class Gaussian(SumOfTerms):
         widths_ev: C_j > 0, full widths at half maximum in eV.
         eps_inf: permittivity far above all lines.
 
-    Obeys the Kramers-Kronig relations. Error of Re eps 100 eps of the largest of 1 and the sum of
-    the amplitudes, by that of Faddeeva's function; of Im eps (8 + 4 ((E - E_j) / s_j)^2) eps of
-    itself. Derivatives are finite.
+    Obeys the Kramers-Kronig relations. Error of Re eps (100 + 4 E / C_j) eps of the largest of 1
+    and the sum of the amplitudes: that of Faddeeva's function, and the rounding of E and E - E_j in
+    widths. Of Im eps, with u = (E - E_j) / s_j, (8 + 4 u^2 + 16 abs(u) E / C_j) eps of itself.
+    Derivatives are finite.
     Source: D. De Sousa Meneses, M. Malki and P. Echegut, J. Non-Cryst. Solids 352, 769 (2006);
     Dawson's integral: NIST Digital Library of Mathematical Functions, secs. 7.2 and 7.5.
     """
@@ -130,7 +131,8 @@ class Sum(SumOfTerms):
     of those of its terms.
 
     Arguments:
-        terms: of `DrudeLorentz` (a pole without loss: width 0), `Gaussian`, `TaucLorentz`, `Sum`.
+        terms: of `DrudeLorentz` (a pole without loss: width 0), `Gaussian`, `TaucLorentz`,
+            `CodyLorentz`, `Sum`.
         eps_inf: permittivity far above all resonances.
 
     Error: the sum of those of the terms. Obeys the Kramers-Kronig relations, as they do.

@@ -170,6 +170,9 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "dispersion.CauchyUrbach": at(
             lambda a, k: dp.CauchyUrbach(a, k, 0.1, 4.0), np.array([1.5, 0.01, 1e-4]), np.array(0.1)
         ),
+        "dispersion.CodyLorentz": at(
+            lambda a, e, g: dp.CodyLorentz(a, e, g, 0.8, 1.2, 0.9, 0.05), 10.0 * EV, EV, 0.5 * EV
+        ),
         "dispersion.Constant": at(dp.Constant, np.array(1.5), np.array(0.1)),
         "dispersion.DrudeLorentz": at(dp.DrudeLorentz, EV, EV, 0.2 * EV),
         "dispersion.Gaussian": at(dp.Gaussian, 0.3 * EV, EV, 0.2 * EV),

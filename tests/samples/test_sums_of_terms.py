@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -45,10 +47,32 @@ def test_the_index_is_that_of_the_sum() -> None:
     np.testing.assert_allclose(R, wanted, rtol=1e-6)  # of float32, if jax is left as it is
 
 
+def test_cody_lorentz_has_no_tail_unless_it_is_freed() -> None:
+    model = parse_model("cody-lorentz:2 + pole")
+    parameters = {p.name: p for p in model.parameters(Spectrum(0.3, 0.9))}
+    assert [name for name, p in parameters.items() if p.held is not None] == [
+        "tail_above_gap_ev", "urbach_ev"]  # fmt: skip
+    values: Any = {name: p.start[1] if p.held is None else p.held for name, p in parameters.items()}
+    w: Any = np.linspace(0.3, 0.9, 8)
+    k = model.index(values | {"gap_ev": 2.0}, w).k
+    assert (k[w > 0.62] == 0.0).all() and (k[w < 0.61] > 0.0).all()
+    with_tail = values | {"gap_ev": 2.0, "tail_above_gap_ev": 0.1}
+    amplitudes, resonances, widths = (
+        [values[f"{stem}_ev_{j}"] for j in (1, 2)] for stem in ("amplitude", "resonance", "width")
+    )
+    edge = dispersion.CodyLorentz(amplitudes, resonances, widths, 2.0, values["cody_ev"], 2.1, 0.05)
+    pole = dispersion.DrudeLorentz(values["strength_ev2_3"], values["resonance_ev_3"], 0.0)
+    wanted = dispersion.Sum((edge, pole), values["eps_inf"])(w).k
+    found = model.index(with_tail, w).k
+    np.testing.assert_allclose(found, wanted, rtol=1e-6)
+    assert (np.asarray(found) > 0.0).all()
+
+
 @pytest.mark.parametrize(("text", "wanted"), [
     ("cauchy + gaussian", "cauchy is none of what can be added"),
     ("gaussian + gaussian:2", "each model was wanted once"),
     ("drude + drude-lorentz", "each model was wanted once"),
+    ("tauc-lorentz + cody-lorentz", "one gap_ev is that of tauc-lorentz or of cody-lorentz"),
     ("gaussian + gauss", "no dispersion model"),
     ("tauc-lorentz + gaussian:9", "1 to 8 terms"),
     ("gaussian +", "no dispersion model"),
