@@ -31,7 +31,7 @@ from fitting.samples.parameters import (
     check_search,
     settings_of,
 )
-from fitting.searching.last_steps import down_the_valley, without_losses
+from fitting.searching.last_steps import brought_to_rest
 from fitting.searching.search import solved
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
@@ -186,8 +186,7 @@ def _one(
     job.starts, job.first = points.shape[1], first
     job.squares = float(np.nan_to_num(residual @ residual, nan=1.0, posinf=1.0))
     ends, noise = solved(job, points)
-    ends = without_losses(job, down_the_valley(job, ends, noise), noise)
-    return fit_of(job, ends, noise, Subject(None, None))
+    return fit_of(job, brought_to_rest(job, ends, noise), noise, Subject(None, None))
 
 
 def fit_residuals(
