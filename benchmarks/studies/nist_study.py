@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import warnings
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -29,13 +30,13 @@ ENOUGH = 6.0  # digits
 Row = tuple[str, int, float, float, str, int, float, str, int]
 
 
-def fitted(problem: NistProblem, start: np.ndarray) -> Fit:
-    """Return the fit of a problem from one start (p,)."""
+def fitted(problem: NistProblem, start: np.ndarray, **settings: Any) -> Fit:
+    """Return the fit of a problem from one start (p,). settings: of `fit_residuals`."""
     at = dict(zip(problem.names, start.tolist(), strict=True))
     ranges = {name: (value, value) for name, value in at.items()}
     return fit_residuals(
-        problem.residuals, ranges, problem.data, start=at, starts=1, rtol=RTOL,
-        intervals="quadratic",
+        problem.residuals, ranges, problem.data, start=at, starts=1, intervals="quadratic",
+        **settings,
     )  # fmt: skip
 
 
@@ -44,7 +45,7 @@ def rows_of(problem: NistProblem) -> list[Row]:
     solver = optx.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
     out = []
     for number, start in enumerate(problem.starts, 1):
-        ours = fitted(problem, start)
+        ours = fitted(problem, start, rtol=RTOL)
         every = [ours.parameters[name] for name in problem.names]
         theirs = optx.least_squares(
             problem.residuals, solver, jnp.asarray(start), problem.data, max_steps=MAX_STEPS,

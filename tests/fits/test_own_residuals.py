@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from benchmarks.studies.nist_study import ENOUGH, RTOL, fitted
 from fitting import fit_residuals, own_residuals
 from fitting.problem.lanes import Ends
 from tests.estimates import bounds, codes, kinds, sigmas, values
@@ -170,14 +171,6 @@ def test_the_models_are_those_of_nist(name):
     assert r @ r == pytest.approx(least, rel=1e-9, abs=1e-20 * (name == "Lanczos1"))
 
 
-def from_one_start(p, point, **settings):
-    start = dict(zip(p.names, point.tolist(), strict=True))
-    return fit_residuals(
-        p.residuals, {n: (b, b) for n, b in start.items()}, p.data, start=start, starts=1,
-        intervals="quadratic", **settings,
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize(
     "name", [*FIRST, *(pytest.param(n, marks=pytest.mark.study) for n in NIST if n not in FIRST)]
 )
@@ -185,14 +178,14 @@ def test_certified_values_are_found_from_one_start(name):
     """Six digits of each, and of the standard errors; from both starts of NIST."""
     p = NIST[name]
     for point in p.starts:
-        found = from_one_start(p, point, rtol=1e-8)
+        found = fitted(p, point, rtol=RTOL)
         assert found.status == "converged"
-        assert digits(values(found), p.certified) > 6.0
+        assert digits(values(found), p.certified) > ENOUGH
         if name == "Lanczos1":  # whose residuals are rounding
             continue
-        assert digits(sigmas(found), p.errors) > 6.0
+        assert digits(sigmas(found), p.errors) > ENOUGH
         assert found.cost == pytest.approx(p.sum_of_squares, rel=1e-9)
-        usual = from_one_start(p, point)
+        usual = fitted(p, point)
         assert usual.status == "converged"
         assert (np.abs(values(usual) - p.certified) < 0.1 * p.errors).all()
 
@@ -200,7 +193,7 @@ def test_certified_values_are_found_from_one_start(name):
 def test_a_parameter_that_ran_off_is_undetermined():
     """A rate of 69 at once reaches the saturation; least squares find the minimum from there."""
     p = NIST["BoxBOD"]
-    found = from_one_start(p, p.starts[0], loss="huber")
+    found = fitted(p, p.starts[0], loss="huber")
     assert found.status == "undetermined" and "not_seen" in codes(found)
     assert np.isfinite(sigmas(found)[0]) and np.isnan(sigmas(found)[1])
 
