@@ -99,7 +99,7 @@ def _minima_at(search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled: An
     at = slopes(job.u.spec, curves, y, which)
     known = uncertainty(
         job.u, at.triangle[..., -1], at.triangle[..., :-1], y.T, search.limits, 1.0,
-        search.dof[which], job.asked.scaled, curves.stated, pooled,
+        search.dof[which], job.asked.scaled, curves.stated, curves.squares[which], pooled,
     )  # fmt: skip
     fall = (at.triangle[..., :-1] @ known.step[..., None])[..., 0]
     found = _Minima(

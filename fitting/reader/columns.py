@@ -121,9 +121,11 @@ def roles_of(table: Table) -> list[Role]:
         for name in table.names
     ]
     roles = [role_of(name, unit) for name, unit in zip(names, table.units, strict=True)]
-    # one letter alone says too little
-    alone = len({*STOKES} & {role.quantity for role in roles}) < 2
-    return [Role("") if alone and role.quantity in STOKES else role for role in roles]
+    if len({*STOKES} & {role.quantity for role in roles}) > 1:
+        return roles
+    # one letter alone says too little; N is an index in capitals
+    alone = {"N": Role("index", "n")} | dict.fromkeys(STOKES[1:], Role(""))
+    return [alone.get(role.quantity, role) for role in roles]
 
 
 def _implicit(table: Table, roles: list[Role], filled: list[int]) -> list[Column]:

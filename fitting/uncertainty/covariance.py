@@ -10,7 +10,7 @@ from fitting.problem.problem import Problem
 from fitting.problem.slopes import Slopes, influence, prior_rows
 from fitting.problem.unknowns import Unknowns
 from fitting.samples.parameters import SQUARE
-from fitting.uncertainty.limits import mean_square
+from fitting.uncertainty.limits import ROUNDING, mean_square
 
 # A direction in which the data change by less than this share of what they change along the best
 # known one is not seen: below it derivatives are rounding.
@@ -109,13 +109,14 @@ def uncertainty(
     dof: Any,
     scaled: bool,
     stated: bool,
+    squares: Any,
     pooled: float | None = None,
 ) -> Uncertainty:
     """Return the uncertainty of the unknowns at y (..., p), of one minimum or of a batch.
 
     residual, jacobian: (..., R) and (..., R, p), as in `Slopes`. noise: what the weights were
-    divided by. dof: (...). scaled: multiply by the scatter of the residuals, or by ``pooled``, that
-    of many fits alike.
+    divided by. dof, squares: (...), these of the data. scaled: multiply by the scatter of the
+    residuals, or by ``pooled``, that of many fits alike.
     For a robust loss Huber's estimate of the covariance is taken (Robust Statistics, 1981,
     eq. 7.6.6): mean of the squared influence over the squared mean of its derivative.
     """
@@ -124,8 +125,13 @@ def uncertainty(
     pull, bend = influence(u.spec.loss, r)
     gradient = np.einsum("...rp,...r->...p", J, pull) + np.einsum("...kp,...k->...p", lines, off)
     low, high = limits
+    # A pull against a bound that is rounding of the residuals is none.
+    rounding = np.sqrt(ROUNDING * np.asarray(squares))[..., None] / noise
     free = u.free
-    on_low, on_high = free & (y <= low) & (gradient >= 0.0), free & (y >= high) & (gradient <= 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        pulled = free & (np.abs(gradient) >= rounding * np.linalg.norm(J, axis=-2))
+    on_low = pulled & (y <= low) & (gradient >= 0.0)
+    on_high = pulled & (y >= high) & (gradient <= 0.0)
     at_bound = np.where(on_low, "low", np.where(on_high, "high", ""))
     use = free & ~on_low & ~on_high
     many = np.maximum(dof, 1)
@@ -187,5 +193,5 @@ def uncertainty_at(fit: Problem, s: Slopes, y: np.ndarray, noise: float) -> Unce
     jacobian = np.where(fit.lost(s, y), 0.0, s.jacobian)
     return uncertainty(
         fit.u, s.residual, jacobian, y, fit.limits, noise, fit.dof, fit.asked.scaled,
-        fit.seen.stated,
+        fit.seen.stated, fit.squares,
     )  # fmt: skip

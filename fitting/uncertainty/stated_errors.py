@@ -243,7 +243,7 @@ def covering(run: Run, several: Sequence[Measurement], found: FitData) -> FitDat
         value, sigma = (np.stack([getattr(o, p) for o in each]) for p in ("value", "sigma"))
         apart = (np.abs(value - e.value) > np.fmax(sigma, e.sigma)).any(0)
         every = np.stack([e.interval, *(o.interval for o in each)])
-        wide = np.stack([np.nanmin(every[..., 0], 0), np.nanmax(every[..., 1], 0)], -1)
+        wide = np.stack([np.fmin.reduce(every[..., 0]), np.fmax.reduce(every[..., 1])], -1)
         wide = np.where(apart[..., None], wide, e.interval)
         factor = np.ptp(wide, axis=-1) / np.ptp(e.interval, axis=-1)
         scale[..., i] = np.where(np.isfinite(factor), factor, 1.0)

@@ -219,6 +219,8 @@ def check_unit(direction, name: str):
         direction = np.asarray(direction)
     if not readable(direction) or np.shape(direction)[-1:] != (3,) or not np.size(direction):
         return
+    if jnp.result_type(direction).name in _HALF:  # refused by its name
+        return
     some = np.asarray(direction, float).reshape(-1, 3)
     length = np.sqrt((some[:: max(1, len(some) // _LOOKED_AT)] ** 2).sum(-1))
     off = length[np.abs(length - 1.0) > _LARGEST_COSINE - 1.0]  # NaN is let through

@@ -278,12 +278,19 @@ def _cody_lorentz(energy: Array, distance: Array, amplitude, resonance, width, g
     at_energy = c * e * per_p * (
         above * jnp.log(jnp.abs(distance) / resonance) - below * jnp.log(t + e)
     )  # fmt: skip
+    # of the conjugate, so that its imaginary part 0 at E_t = 0 has the right side of the branch cut
+    mean_log = 0.5 * jnp.conj(jnp.log(jax.lax.complex(t * t - 1.0, c * t)))
+    pole = jax.lax.complex(*jnp.broadcast_arrays(g, w))
+    below_pole = jax.lax.complex(*jnp.broadcast_arrays((gap - energy) / resonance, w))
+    log_pole = jnp.log(jax.lax.complex(*jnp.broadcast_arrays((tail - gap) / resonance, -w)))
     middle, half_square = jax.lax.complex(jnp.zeros_like(c), 0.5 * c), (1 - 0.5 * c) * (1 + 0.5 * c)
+    e, c, g, w, t, beside, per_p, half_square = (
+        jax.lax.complex(x, jnp.zeros_like(x)) for x in (e, c, g, w, t, beside, per_p, half_square)
+    )
 
     def product(x, y):
         return x[0] * y[0] + x[1] * y[1] * half_square, x[0] * y[1] + x[1] * y[0]
 
-    pole = jax.lax.complex(*jnp.broadcast_arrays(g, w))
     of_pole, of_conjugate = (z * z - 2.0 * middle * z - 1.0 for z in (pole, jnp.conj(pole)))
     share = w * w / (of_pole * of_conjugate)
     per_distance = -middle * (1.0 + e * e) * per_p, -beside * per_p  # z / (z^2 - E^2)
@@ -292,16 +299,13 @@ def _cody_lorentz(energy: Array, distance: Array, amplitude, resonance, width, g
     from_middle = t - middle
     ratio = half_square / (from_middle * from_middle)
     meeting = jnp.abs(ratio) < 0.1
-    half = jnp.sqrt(jnp.where(meeting, 1.0, half_square).astype(middle.dtype))
+    half = jnp.sqrt(jnp.where(meeting, 1.0, half_square))
     apart = (jnp.log(from_middle - half) - jnp.log(from_middle + half)) / (2.0 * half)
     together = -_odd_series(jnp.where(meeting, ratio, 0.0), 1.0) / from_middle
-    # of the conjugate, so that its imaginary part 0 at E_t = 0 has the right side of the branch cut
-    mean_log = 0.5 * jnp.conj(jnp.log(jax.lax.complex(t * t - 1.0, c * t)))
     logs = mean_log, jnp.where(meeting, together, apart)
     # The factor 1 / 2i of the residues at the zeros, and i / 2 at E_g + i E_p, leave what is imag.
     at_zeros = jnp.imag(product(product(per_distance, onset), logs)[1])
-    square = (pole + e) * jax.lax.complex(*jnp.broadcast_arrays((gap - energy) / resonance, w))
-    log_pole = jnp.log(jax.lax.complex(*jnp.broadcast_arrays((tail - gap) / resonance, -w)))
+    square = (pole + e) * below_pole
     residue = c * w * pole * pole * log_pole / (of_pole * jnp.conj(of_conjugate) * square)
     total = 0.5 * at_energy + at_zeros - jnp.imag(residue)
     return (-2.0 / jnp.pi) * (amplitude / resonance) * total

@@ -171,7 +171,7 @@ def test_errors_missing_from_some_data_are_not_guessed():
     (note,) = found.notes
     assert note.text == (
         "sigma is missing for 2 of 32 data: all have equal weights, and the errors come from the "
-        "scatter."
+        "scatter. If you know them, for example: try --sigma 0.002 (in Python: sigma=0.002)."
     )
     assert np.isnan(found.chi2)
     assert_equal = fit(m, errors="equal")

@@ -88,7 +88,7 @@ def test_a_film_on_a_rough_surface(dtype):
     weights = weights[:, 3:] * weights[:, :3]
     want = colour.lab(R @ weights / weights[:, 1].sum())
     skin = FresnelFilm(dtype(1.4), dtype(0.4), dtype(1.8), exact=False)
-    wo = np.array([[[0.6, 0.0, 0.8]], [[0.0, 0.3, 0.95]]], dtype)
+    wo = np.array([[[0.6, 0.0, 0.8]], [[0.0, 0.3, np.sqrt(0.91)]]], dtype)
     wi = np.array([[[-0.6, 0.0, 0.8]], [[0.0, 0.0, 1.0]]], dtype)
     m = (wo + wi) / np.linalg.norm(wo + wi, axis=-1, keepdims=True)
     rough, cosine = bsdf.Beckmann(dtype(0.3)), np.append((wo * m).sum(-1), dtype([[1.0]]), axis=0)

@@ -77,7 +77,6 @@ def test_a_small_r_is_an_amplitude_or_a_reflectance() -> None:
 
 def test_names_of_a_polarization_alone_say_of_nothing_how_large_it_is() -> None:
     for name in [
-        "S",
         "s",
         "TE",
         "te (%)",
