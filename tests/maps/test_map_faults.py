@@ -9,7 +9,6 @@ import time
 import numpy as np
 import pytest
 
-from fitting.command import cli
 from fitting.process.progress import listening
 from tests.maps import cubes
 
@@ -126,41 +125,7 @@ def test_workers_give_the_same_bits_and_a_deadly_block_is_left_out(cube, tmp_pat
     assert cubes.chunks(out) == cubes.chunks(here)
 
 
-# A worker that dies when it reads the pixels of row 4.
-DIES = """
-import os
-from fitting.maps.cube import Cube
-
-read = Cube.block
-
-
-def block(self, index):
-    return os._exit(1) if index[0].start <= 4 < index[0].stop else read(self, index)
-
-
-Cube.block = block
-"""
-
-
-def test_the_command_leaves_out_a_deadly_block_and_says_so(tmp_path, capsys, cache):
-    import dask
-    import distributed
-
-    values, _ = cubes.surfaces((8, 5))
-    np.save(tmp_path / "cube.npy", values)
-    command = cubes.arguments(tmp_path / "cube.npy", tmp_path / "m.zarr", "--block", "10")[3:]
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None,
-                                 silence_logs=50, preload=DIES,
-                                 env={"XDG_CACHE_HOME": str(cache), "NPROC": "1"}) as cluster,
-    ):  # fmt: skip
-        assert cli.main([*command, "--scheduler", cluster.scheduler_address]) == 3
-    told = capsys.readouterr().err
-    assert "the workers that fitted the pixels 4:6, 0:5 died; not fitted" in told
-    assert len(done(tmp_path / "m.zarr")) == 3
-
-
+@pytest.mark.study
 def test_a_scheduler_without_workers_and_one_that_ends_are_told(tmp_path, monkeypatch):
     import distributed
 
