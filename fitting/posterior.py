@@ -51,8 +51,9 @@ class LogDensity:
                 label = u.labels.get(w.parameter.name, "")
                 x = jnp.asarray(values[label] if label in self.bounds else w.low, float)
                 # At the bound and not beyond, where the model may be NaN, and its gradient with it.
-                v[w.parameter.name] = jnp.clip(x, w.low, w.high)[None]
-                inside.append((w.low <= x) & (x <= w.high))
+                within = (w.low <= x) & (x <= w.high)
+                v[w.parameter.name] = jnp.where(within, x, jnp.clip(x, w.low, w.high))[None]
+                inside.append(within)
                 off += [(x - w.prior[0]) / w.prior[1]] if w.prior else []
             v |= {name: factor * v[of] for name, factor, of in u.spec.tied}
             found = predicted(u.spec, v, targets.points, targets.eta_i)

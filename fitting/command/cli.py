@@ -122,7 +122,7 @@ _READING = (
         "SAMPLE",
         "the values are ratios to R of this known sample: Si, or 'air | SiO2 2 nm held | Si'",
     ),
-    ("sigma", "SIGMA", "standard error of values that have none, as a fraction (0.002)"),
+    ("sigma", "SIGMA", "standard error of values that have none: a fraction (psi, Delta: degrees)"),
     ("psi-unit", "UNIT", "unit of psi and Delta: deg or rad"),
     ("delta-range", "DEGREES", "180 if Delta may be 360 - Delta (rotating analyzer), else 360"),
     ("missing", "VALUES", "numbers or words that mark missing values: 0 or -9999,bad"),

@@ -99,7 +99,7 @@ def _explicit(table: Table, options: Options) -> list[Column]:
         role = role_of(table.names[index], table.units[index])
         if name in ("angle", "wavelength"):
             form = FORM_OF.get(role.unit, "q")
-            if (form == "q") == (name == "wavelength") or not role.unit:
+            if (form == "q") == (name == "wavelength") or role.unit in ("", "deg", "rad"):
                 form = "incidence" if name == "angle" else "wavelength"
             role = role if role.kind == name else Role(name, form=form, unit=role.unit)
         elif kind == name:

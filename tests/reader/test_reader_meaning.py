@@ -258,6 +258,9 @@ def test_numbers_behind_names_are_no_angles(tmp_path: Path, head: str) -> None:
     assert m.angle_deg.tolist() == [30.0, 30.0]
     m = read(tmp_path, "angle,R_45\n3,.1\n4,.2\n", columns="angle=1,R=2")
     assert m.angle_deg.tolist() == [3.0, 4.0]
+    # alpha may be any angle, but in degrees it is none of 1/nm
+    m = read(tmp_path, "alpha / deg,R\n30,.1\n40,.2\n", columns="angle=1,R=2")
+    assert m.angle_deg.tolist() == [30.0, 40.0]
 
 
 def test_one_column_of_errors_may_belong_to_several_values(tmp_path: Path) -> None:

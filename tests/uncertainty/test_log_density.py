@@ -83,3 +83,10 @@ def test_what_it_refuses(density):
         density({"eta": 1.5})
     with jax.enable_x64(False), pytest.raises(ValueError, match="jax_enable_x64"):
         density(TRUE)
+
+
+def test_the_gradient_at_a_bound_is_that_inside():
+    """Half of it came, as of min and max where both arguments are equal."""
+    there = log_density(measurement(), "free", bounds={"eta": (1.7, 3.0)}, fixed={"k": 0.6})
+    at, beside = (float(jax.grad(there)({"eta": eta})["eta"]) for eta in (1.7, 1.7 + 1e-9))
+    assert at == pytest.approx(beside, rel=1e-6)
