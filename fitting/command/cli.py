@@ -65,7 +65,8 @@ lists them), a file (refractiveindex.info YAML, or CSV of wavelength, n and k),
 a mixture (bruggeman(SiO2, water 30 %)), free, auto, or a dispersion model:
 constant, cauchy, cauchy-urbach, sellmeier, drude, lorentz, drude-lorentz,
 tauc-lorentz, cody-lorentz, gaussian, pole, with the number of its terms:
-drude-lorentz:2; the last seven can be added: 'tauc-lorentz + gaussian:2 + pole'.
+drude-lorentz:2; the last seven can be added:
+'tauc-lorentz + gaussian:2 + pole'.
 
 examples:
   fresnel-fit gold.csv --plot gold.png --json gold.json
