@@ -26,7 +26,7 @@ def a_bent_valley(highest=2.0):
         asked=SimpleNamespace(scaled=False), dof=1, seen=SimpleNamespace(stated=True), pooled=None,
         limits=(np.array([-2.0, -2.0]), np.array([2.0, highest])),
         slopes=slopes, cost=lambda s, y, noise: float(s.residual @ s.residual),
-        lost=lambda s, y: np.array([False, False]), looked=0,
+        lost=lambda s, y: np.array([False, False]), looked=0, squares=1.0,
     )  # fmt: skip
 
 
