@@ -11,7 +11,7 @@ import numpy as np
 from fitting.data.checks import checked, hint_for
 from fitting.data.errors import named, place, refuse
 from fitting.data.measurement import Measurement, frozen
-from fitting.reader.long_form import long_columns
+from fitting.reader.conversion import long_columns
 from fitting.reader.options import parse_options
 from fitting.reader.text import source_of
 

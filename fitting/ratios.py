@@ -184,8 +184,6 @@ def _reflectance(ratio_to: object, data: Data) -> np.ndarray:
 
         polarized = np.isfinite(data.polarizer_deg)
         plain = np.where(data.quantity == "R_back", "R", data.quantity)
-        if not polarized.any():
-            return of(plain)
         s, p = of(np.where(polarized, "R_s", plain)), of(np.where(polarized, "R_p", plain))
         share = np.where(polarized, np.sin(np.radians(data.polarizer_deg)) ** 2, 0.5)
         return share * s + (1.0 - share) * p

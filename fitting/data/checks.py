@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,27 +45,6 @@ def unmasked(array: Any) -> Any:
     if not isinstance(array, np.ma.MaskedArray):
         return array
     return np.ma.filled(array.astype(np.result_type(array.dtype, np.float64)), np.nan)
-
-
-def number_or_none(text: str) -> float | None:
-    """Return the number that ``text`` is, with a point or a comma; None where it is none."""
-    try:
-        return float(text.replace(",", "."))
-    except ValueError:
-        return None
-
-
-def all_alike(cells: Sequence[str]) -> bool:
-    """Return whether all cells hold the same, a number in whatever spelling."""
-    numbers = map(number_or_none, cells)
-    return len({c if x is None else x for c, x in zip(cells, numbers, strict=True)}) == 1
-
-
-def is_running(cells: Sequence[str]) -> bool:
-    """Return whether three cells or more count from 0 or 1."""
-    numbers = [number_or_none(cell) for cell in cells]
-    count = len(cells)
-    return count > 2 and numbers in ([*range(count)], [*range(1, count + 1)])
 
 
 def _noise(data: Data) -> np.ndarray:
@@ -113,6 +92,7 @@ def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical:
     return ("If the column is in percent, say --scale 0.01. " + ratio + noise).strip()
 
 
+@np.errstate(all="ignore")
 def checked(
     data: Data, where: Callable[[int, str], str], hint: Callable[[int], str]
 ) -> tuple[Data, str]:
@@ -123,104 +103,85 @@ def checked(
     where(i, role): the place of the angle, wavelength, sigma, polarizer or value of datum i.
     hint(i): what to do about its value.
     """
-    _check_places(data, where)
-    count = _check_values(data, where, hint)
+    if not len(data.value):
+        refuse("no measured value came; at least one was wanted.")
+    names, which = np.unique(data.quantity, return_inverse=True)
+    low, high = np.array([TABLE[name][1:3] for name in names.tolist()])[which].T
+    for bad, role, text in _faults(data, low, high, hint):
+        for i in np.flatnonzero(bad)[:1].tolist():
+            more = f" ({bad.sum() - 1} more like it.)" if bad.sum() > 1 else ""
+            raise MeasurementError(f"{where(i, role)}: {text(i).strip()}{more}")
+    beyond = ~np.isin(data.quantity, ANGLES) & ((data.value < low) | (data.value > high))
+    count = int(beyond.sum())
     what = "1 value lies" if count == 1 else f"{count} values lie"
     text = f"; {what} outside [0, 1] by no more than the noise" if count else ""
     data, copies = _without_copies(data)
     return data, text + copies
 
 
-def _refuse_first(
-    bad: np.ndarray, where: Callable[[int, str], str], role: str, text: Callable[[int], str]
-) -> None:
-    found = np.flatnonzero(bad)
-    if len(found):
-        i = int(found[0])
-        more = f" ({len(found) - 1} more like it.)" if len(found) > 1 else ""
-        raise MeasurementError(f"{where(i, role)}: {text(i).strip()}{more}")
-
-
-@np.errstate(all="ignore")
-def _check_places(data: Data, where: Callable[[int, str], str]) -> None:
-    """Raise for an impossible angle, wavelength or standard error."""
-    angle, wavelength, sigma = data.angle_deg, data.wavelength_um, data.sigma
-    if not len(angle):
-        refuse("no measured value came; at least one was wanted.")
-    for bad, role, text in (
-        (
-            ~((angle >= 0.0) & (angle <= 90.0)), "angle",
-            lambda i: f"angle of incidence {angle[i]:.10g} degrees is outside [0, 90]; it is "
-            "measured from the surface normal. If these are other angles, or in another unit, say "
-            "--angle-unit.",
-        ),
-        (
-            ~(np.isnan(wavelength) | (np.isfinite(wavelength) & (wavelength > 0.0))), "wavelength",
-            lambda i: f"wavelength {wavelength[i]:.10g} um is not a positive number. If the row is "
-            "no measurement, leave it out with --lines A-B.",
-        ),
-        (
-            np.isnan(wavelength) & np.isfinite(wavelength).any(), "wavelength",
-            lambda i: "the wavelength is missing, and other data have one. Give it, or leave the "
-            "row out with --lines A-B (in arrays: make its value nan).",
-        ),
-        (
-            ~(np.isnan(sigma) | (np.isfinite(sigma) & (sigma > 0.0))), "sigma",
-            lambda i: f"standard error {sigma[i]:.10g} is not a positive number. If 0 stands for "
-            "'not measured', say --missing 0 (in arrays: nan).",
-        ),
-        (
-            sigma**2 < np.finfo(np.float64).tiny, "sigma",
-            lambda i: f"standard error {sigma[i]:.10g} is so small that its square underflows to "
-            "0. Give the true one, or leave the standard errors out with --columns.",
-        ),
-    ):  # fmt: skip
-        _refuse_first(bad, where, role, text)
-
-
-@np.errstate(all="ignore")
-def _check_values(data: Data, where: Callable[[int, str], str], hint: Callable[[int], str]) -> int:
-    """Return how many powers lie beyond [0, 1] by noise, or raise for the first bad value.
+def _faults(
+    data: Data, low: np.ndarray, high: np.ndarray, hint: Callable[[int], str]
+) -> Iterator[tuple[np.ndarray, str, Callable[[int], str]]]:
+    """Yield what may be wrong: which data are, in which column, and the sentence on datum i.
 
     A power may lie outside [0, 1] by no more than ``EXCURSION_SIGMAS`` of its own standard errors
     and no more than ``EXCURSION``; without a standard error, by a multiple of the noise of its
     curve, and no more than ``NOISE_EXCURSION``.
     """
-    quantity, value, sigma, polarizer = data[2:]
-    names, which = np.unique(quantity, return_inverse=True)
-    low, high = np.array([TABLE[name][1:3] for name in names.tolist()])[which].T
+    angle, wavelength, quantity, value, sigma, polarizer = data
     angular, power = np.isin(quantity, ANGLES), are_powers(quantity)
     of_any = np.isin(quantity, POWER_LETTERS)
+    yield (
+        ~((angle >= 0.0) & (angle <= 90.0)), "angle",
+        lambda i: f"angle of incidence {angle[i]:.10g} degrees is outside [0, 90]; it is measured "
+        "from the surface normal. If these are other angles, or in another unit, say --angle-unit.",
+    )  # fmt: skip
+    yield (
+        ~(np.isnan(wavelength) | (np.isfinite(wavelength) & (wavelength > 0.0))), "wavelength",
+        lambda i: f"wavelength {wavelength[i]:.10g} um is not a positive number. If the row is no "
+        "measurement, leave it out with --lines A-B.",
+    )  # fmt: skip
+    yield (
+        np.isnan(wavelength) & np.isfinite(wavelength).any(), "wavelength",
+        lambda i: "the wavelength is missing, and other data have one. Give it, or leave the row "
+        "out with --lines A-B (in arrays: make its value nan).",
+    )  # fmt: skip
+    yield (
+        ~(np.isnan(sigma) | (np.isfinite(sigma) & (sigma > 0.0))), "sigma",
+        lambda i: f"standard error {sigma[i]:.10g} is not a positive number. If 0 stands for 'not "
+        "measured', say --missing 0 (in arrays: nan).",
+    )  # fmt: skip
+    yield (
+        sigma**2 < np.finfo(np.float64).tiny, "sigma",
+        lambda i: f"standard error {sigma[i]:.10g} is so small that its square underflows to 0. "
+        "Give the true one, or leave the standard errors out with --columns.",
+    )  # fmt: skip
+    yield (
+        power & (sigma > 1.0), "sigma",
+        lambda i: f"standard error {sigma[i]:.10g} of a power is above 1; a fraction was wanted, "
+        "as --sigma 0.002 for 0.2 %. If the column is in percent, say --scale 0.01; if it is "
+        "something else, name the columns with --columns.",
+    )  # fmt: skip
+    yield (
+        ~np.isfinite(value), "value",
+        lambda i: f"{value[i]} is not a finite number. {hint(i)}",
+    )  # fmt: skip
     slack = np.minimum(EXCURSION_SIGMAS * sigma, EXCURSION)
-    outside = ~angular & ((value < low) | (value > high))
-    if (outside & np.isnan(sigma) & np.isfinite(value)).any():
+    if (~angular & np.isnan(sigma) & ((value < low) | (value > high))).any():
         scatter = np.minimum(_SCATTERS * _noise(data), NOISE_EXCURSION)
         slack = np.where(np.isnan(sigma), scatter, slack)
     slack = np.where(angular, 0.0, np.fmax(slack, _ROUNDING))
-    for bad, role, text in (
-        (
-            power & (sigma > 1.0), "sigma",
-            lambda i: f"standard error {sigma[i]:.10g} of a power is above 1. If the column is in "
-            "percent, say --scale 0.01; if it is something else, name the columns with --columns.",
-        ),
-        (
-            ~np.isfinite(value), "value",
-            lambda i: f"{value[i]} is not a finite number. {hint(i)}",
-        ),
-        (
-            (value < low - slack) | (value > high + slack), "value",
-            lambda i: f"{TABLE[str(quantity[i])].axis if power[i] else quantity[i]} {value[i]:.10g}"
-            f"{' degrees' * bool(angular[i])} is outside [{low[i]:g}, {high[i]:g}]. {hint(i)}",
-        ),
-        (
-            ~(np.isnan(polarizer) | (of_any & (polarizer > 0.0) & (polarizer < 90.0))), "polarizer",
-            lambda i: f"a polarizer angle of {polarizer[i]:.10g} degrees came with {quantity[i]}. "
-            f"Only {' and '.join(POWER_LETTERS)} have one, between 0 and 90 degrees from the plane "
-            "of incidence; at 0 give R_p instead, at 90 R_s.",
-        ),
-    ):  # fmt: skip
-        _refuse_first(bad, where, role, text)
-    return int(outside.sum())
+    yield (
+        (value < low - slack) | (value > high + slack), "value",
+        lambda i: f"{TABLE[str(quantity[i])].axis if power[i] else quantity[i]} {value[i]:.10g}"
+        f"{' degrees' * bool(angular[i])} is outside [{low[i]:g}, {high[i]:g}]. {hint(i)}",
+    )  # fmt: skip
+    yield (
+        ~(np.isnan(polarizer) | (of_any & (polarizer > 0.0) & (polarizer < 90.0))), "polarizer",
+        lambda i: f"a polarizer angle of {polarizer[i]:.10g} degrees came with {quantity[i]}. "
+        f"Only {' and '.join(POWER_LETTERS)} have one, between 0 and 90 degrees from the plane of "
+        "incidence; at 0 give R_p instead, at 90 R_s.",
+    )  # fmt: skip
 
 
 def _without_copies(data: Data) -> tuple[Data, str]:
@@ -238,11 +199,10 @@ def _without_copies(data: Data) -> tuple[Data, str]:
     datum = np.vstack([place, data.value, np.nan_to_num(data.sigma, nan=-1.0)])
     first, count = np.unique(datum, axis=1, return_index=True, return_counts=True)[1:]
     several = int((count > 1).sum())
-    if several < _LEAST_COPIES:
-        return data, ""
     # Each row of the table, and whether it is repeated at all.
     which, times = np.unique(place, axis=1, return_inverse=True, return_counts=True)[1:]
-    if (times > 1).sum() != several or (times[which.ravel()[first]] != count).any():
+    all_alike = (times > 1).sum() == several and (times[which.ravel()[first]] == count).all()
+    if several < _LEAST_COPIES or not all_alike:
         return data, ""
     kept = np.sort(first)
     left = len(data.value) - len(kept)

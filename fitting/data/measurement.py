@@ -9,8 +9,6 @@ fractions; psi and Delta are degrees in the ellipsometer's convention
 from __future__ import annotations
 
 import html
-import importlib
-import importlib.util
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -39,9 +37,9 @@ _PLACES = {
 class Measurement:
     """Measured values in long form: row i of every array is one datum.
 
-    Build it with :func:`read_csv` or :meth:`from_columns`; both check every value. The arrays
-    are read-only. Gaps of the file are left out, rows keep the order of the file within one
-    quantity, and repeated points are kept.
+    Build it with :func:`read_csv` (files, data frames) or :meth:`from_columns` (arrays); both check
+    every value. The arrays are read-only. Gaps are left out, rows keep the order of the file within
+    one quantity, and repeated points are kept.
 
     angle_deg: (N,) float64, degrees from the normal, 0 to 90.
     wavelength_um: (N,) float64, vacuum wavelength in micrometres; NaN where none is known.
@@ -70,26 +68,25 @@ class Measurement:
     def _repr_html_(self) -> str:
         """Return how it was read, and its first rows, as HTML for a cell of a notebook."""
         read = html.escape(visible(f"{self.source}: {self.understood}"))
-        names, shown = [*self._columns()], min(len(self), _ROWS)
-        rows = zip(*(column[:shown] for column in self._columns().values()), strict=True)
-        cells = "".join(
-            "<tr>" + "".join(f"<td>{_cell(x)}</td>" for x in row) + "</tr>" for row in rows
-        )
-        head = "".join(f"<th>{name}</th>" for name in names)
-        more = f"<p>{len(self) - shown} more rows</p>" * (len(self) > shown)
-        return f"<p>{read}</p><table><tr>{head}</tr>{cells}</table>{more}"
+        columns, body = self._columns(), ""
+        for row in zip(*(column[:_ROWS] for column in columns.values()), strict=True):
+            cells = (x if isinstance(x, str) else "" if np.isnan(x) else f"{x:.6g}" for x in row)
+            body += "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+        head = "".join(f"<th>{name}</th>" for name in columns)
+        more = f"<p>{len(self) - _ROWS} more rows</p>" * (len(self) > _ROWS)
+        return f"<p>{read}</p><table><tr>{head}</tr>{body}</table>{more}"
 
     def _columns(self) -> dict[str, np.ndarray]:
         """Return the arrays (N,) by name, but for those without a value."""
-        names = ("angle_deg", "wavelength_um", "quantity", "value", "sigma", "polarizer_deg")
-        each = {name: getattr(self, name) for name in names}
+        each = dict(zip(Data._fields, _arrays(self), strict=True))
         return {n: a for n, a in each.items() if n == "quantity" or not np.isnan(a).all()}
 
     def to_dataframe(self) -> Any:
         """Return a pandas DataFrame: a row for each datum, in the units of the attributes."""
-        if importlib.util.find_spec("pandas") is None:
-            raise MissingExtra("to_dataframe", "pandas", "dataframe")
-        pandas: Any = importlib.import_module("pandas")
+        try:
+            import pandas
+        except ImportError:
+            raise MissingExtra("to_dataframe", "pandas", "dataframe") from None
         return pandas.DataFrame(self._columns())
 
     def plot(self) -> Any:
@@ -126,7 +123,7 @@ class Measurement:
         sigma: object = None,
         polarizer_deg: object = None,
         angle_unit: str = "deg",
-        wavelength_unit: str = "um",
+        wavelength_unit: str | None = None,
         scale: float = 1.0,
         source: str = "arrays",
         **values: object,
@@ -140,7 +137,8 @@ class Measurement:
                 from quantity to one; None where unknown.
             polarizer_deg: see :class:`Measurement`.
             angle_unit: deg, rad, grazing-deg, ... as in :func:`read_csv`.
-            wavelength_unit: um, nm, angstrom, eV, cm-1, THz, ... as in :func:`read_csv`.
+            wavelength_unit: um, nm, angstrom, eV, cm-1, THz, ... as in :func:`read_csv`. None is
+                um, but refused where all are above 100, since they may be nm.
             scale: factor that makes powers (and their errors) fractions: 0.01 for percent.
             values: one array per quantity, named as in ``QUANTITIES``: ``R_s=..., R_p=...``. NaN
                 is a gap and leaves the datum out. A ratio to a reference times the reflectance of
@@ -154,29 +152,71 @@ class Measurement:
         """
         source = visible(str(source))
         with named(source):
-            data, understood = _from_arrays(
-                [angle_deg, wavelength_um, polarizer_deg], values, sigma, source,
-                angle_unit, wavelength_unit, float(scale),
-            )  # fmt: skip
-        return Measurement(*map(frozen, data), source=source, understood=understood)
+            scale = float(scale)
+            if not (np.isfinite(scale) and scale > 0.0):
+                refuse(f"scale is {scale:g}; a factor above 0 was wanted.")
+            for option, unit, known in (
+                ("wavelength_unit", wavelength_unit or "um", units.WAVELENGTH_UNITS),
+                ("angle_unit", angle_unit, units.ANGLE_UNITS),
+            ):
+                if unit not in known:
+                    refuse(f"{option} is {unit!r}; it can be {', '.join(known)}.")
+            unknown = [name for name in values if name not in QUANTITIES]
+            if unknown or not values:
+                came = f"there is no quantity {unknown[0]}" if unknown else "no values came"
+                place = _PLACES.get(unknown[0].partition("_")[0], "") if unknown else ""
+                refuse(f"{came}{place}; give one or more of {', '.join(QUANTITIES)}.")
+            sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(values, sigma)
+            for name in sigmas:
+                if name not in values:
+                    refuse(
+                        f"sigma has standard errors of {name}, of which no values came. Give both, "
+                        "or neither."
+                    )
+            columns = [angle_deg, wavelength_um, polarizer_deg, *map(sigmas.get, values)]
+            columns += values.values()
+            try:
+                arrays = [
+                    np.asarray(np.nan if c is None else unmasked(c), dtype=float) for c in columns
+                ]
+                length = np.broadcast_shapes((1,), *(a.shape for a in arrays))
+                if len(length) != 1:
+                    raise ValueError(f"{len(length)} dimensions came")
+                angle, wavelength, polarizer, *rest = (np.broadcast_to(a, length) for a in arrays)
+            except (ValueError, TypeError) as error:
+                refuse(f"the columns must be numbers of one length ({error}).")
+            if not wavelength_unit and units.is_doubtful(wavelength, "um"):
+                refuse(
+                    f"wavelengths of {units.span_of(wavelength, 'um')} came; these may be nm. Say "
+                    "--wavelength-unit nm, or --wavelength-unit um if they are in the far infrared."
+                )
+            wavelength = units.wavelength_um(wavelength, wavelength_unit or "um")
+            angle = units.incidence_deg(angle, angle_unit, wavelength)
+            scales = [scale if are_powers(name) else 1.0 for name in values]
+            columns = [
+                np.tile(angle, len(values)), np.tile(wavelength, len(values)),
+                np.repeat([*values], length),
+                np.concatenate([*map(units.scaled, rest[len(values) :], scales)]),
+                np.concatenate([*map(units.scaled, rest[: len(values)], scales)]),
+                np.tile(polarizer, len(values)),
+            ]  # fmt: skip
+            kept = np.flatnonzero(~np.isnan(columns[3]))
+            data = Data(*(column[kept] for column in columns))
 
-    @staticmethod
-    def from_dataframe(table: Any, **options: Any) -> Measurement:
-        """Return the measurement in a data frame, xarray or mapping: `read_csv` of it.
+            def where(i: int, role: str) -> str:
+                of = {"value": "", "sigma": "sigma of "}.get(role, f"{role} of ")
+                return f"{source}, {of}{data.quantity[i]}[{kept[i] % length[0]}]"
 
-        Args:
-            table: as for :func:`read_csv`, with names of columns as a file may have them: "Angle
-                (deg)", "wavelength_nm", "R_s" or "Rs (%)", "sigma_R_s".
-            options: as for :func:`read_csv`.
-        """
-        # By the public name: the reader makes measurements, and is a room above.
-        from fitting import read_csv
+            def hint(i: int) -> str:
+                percent = data.value[i] > 1.0 and are_powers(data.quantity[i])
+                return "Powers are fractions: for percent give scale=0.01." if percent else ""
 
-        return read_csv(table, **options)
-
-
-def _cell(value: Any) -> str:
-    return value if isinstance(value, str) else "" if np.isnan(value) else f"{value:.6g}"
+            waves = units.span_of(data.wavelength_um, "um")
+            waves = "no wavelength" if np.isnan(data.wavelength_um).all() else waves
+            text = f"took {len(kept)} values of {', '.join(values)} from arrays, "
+            text += f"{units.span_of(data.angle_deg, 'degrees')}, {waves}"
+            data, said = checked(data, where, hint)
+        return Measurement(*map(frozen, data), source=source, understood=text + said)
 
 
 def _arrays(m: Measurement) -> tuple[np.ndarray, ...]:
@@ -187,85 +227,6 @@ def frozen(column: np.ndarray) -> np.ndarray:
     column = np.array(column)
     column.flags.writeable = False
     return column
-
-
-def _from_arrays(
-    places: Sequence[object],
-    values: Mapping[str, object],
-    sigma: object,
-    source: str,
-    angle_unit: str,
-    wavelength_unit: str,
-    scale: float,
-) -> tuple[Data, str]:
-    """Return the checked columns, and sentences on how they were understood.
-
-    places: angles, wavelengths and polarizer angles. values: by quantity.
-    """
-    if not (np.isfinite(scale) and scale > 0.0):
-        refuse(f"scale is {scale:g}; a factor above 0 was wanted.")
-    for option, unit, known in (
-        ("wavelength_unit", wavelength_unit, units.WAVELENGTH_UNITS),
-        ("angle_unit", angle_unit, units.ANGLE_UNITS),
-    ):
-        if unit not in known:
-            refuse(f"{option} is {unit!r}; it can be {', '.join(known)}.")
-    unknown = [name for name in values if name not in QUANTITIES]
-    if unknown or not values:
-        came = f"there is no quantity {unknown[0]}" if unknown else "no values came"
-        place = _PLACES.get(unknown[0].partition("_")[0], "") if unknown else ""
-        refuse(f"{came}{place}; give one or more of {', '.join(QUANTITIES)}.")
-    names = list(values)
-    sigmas = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names, sigma)
-    stray = [name for name in sigmas if name not in values]
-    if stray:
-        refuse(
-            f"sigma has standard errors of {stray[0]}, of which no values came. Give both, or "
-            "neither."
-        )
-    columns = [*places, *(sigmas.get(name) for name in names), *values.values()]
-    try:
-        arrays = [
-            np.asarray(np.nan if c is None else unmasked(c), dtype=np.float64) for c in columns
-        ]
-        length = np.broadcast_shapes((1,), *(a.shape for a in arrays))
-        if len(length) != 1:
-            raise ValueError(f"{len(length)} dimensions came")
-        angle, wavelength, polarizer, *rest = (np.broadcast_to(a, length) for a in arrays)
-    except (ValueError, TypeError) as error:
-        refuse(f"the columns must be numbers of one length ({error}).")
-    wavelength = units.wavelength_um(wavelength, wavelength_unit)
-    angle = units.incidence_deg(angle, angle_unit, wavelength)
-    count, rows = len(names), length[0]
-    sigma_all, value_all = (
-        np.concatenate([
-            units.scaled(a, scale if are_powers(name) else 1.0)
-            for a, name in zip(each, names, strict=True)
-        ])
-        for each in (rest[:count], rest[count:])
-    )  # fmt: skip
-    kept = np.flatnonzero(~np.isnan(value_all))
-
-    def where(i: int, role: str) -> str:
-        name = {"value": "", "sigma": "sigma of "}.get(role, f"{role} of ") + names[kept[i] // rows]
-        return f"{source}, {name}[{kept[i] % rows}]"
-
-    quantity = np.repeat(np.array(names), rows)
-    places = (np.tile(angle, count), np.tile(wavelength, count))
-    columns = (*places, quantity, value_all, sigma_all, np.tile(polarizer, count))
-    data = Data(*(column[kept] for column in columns))
-
-    def hint(i: int) -> str:
-        percent = data.value[i] > 1.0 and are_powers(data.quantity[i])
-        return "Powers are fractions: for percent give scale=0.01." if percent else ""
-
-    waves = "no wavelength"
-    if np.isfinite(data.wavelength_um).any():
-        waves = units.span_of(data.wavelength_um, "um")
-    text = f"took {len(kept)} values of {', '.join(names)} from arrays, "
-    text += f"{units.span_of(data.angle_deg, 'degrees')}, {waves}"
-    data, said = checked(data, where, hint)
-    return data, text + said
 
 
 def concatenate(*measurements: Measurement) -> Measurement:

@@ -7,22 +7,21 @@ import numpy as np
 # h c / e in eV um, exact since the SI of 2019: 6.62607015e-34 * 299792458 / 1.602176634e-19 * 1e6
 _EV_UM = 1.2398419843320026
 _C = 299.792458  # um THz
-_RECIPROCAL = {
-    "eV": _EV_UM, "meV": _EV_UM * 1e3, "keV": _EV_UM / 1e3, "cm-1": 1e4, "1/um": 1.0, "THz": _C,
-    "GHz": _C * 1e3, "Hz": _C * 1e12, "rad/s": 2.0 * np.pi * _C * 1e12, "rad/fs": 2e-3 * np.pi * _C,
+# What a number in the unit is, and the wavelength in um at which the number is 1: of wavelengths
+# multiplied by the number, of all others divided by it. Of Q, what makes it 1/um.
+_UNITS = {
+    "nm": ("wavelength", 1e-3), "um": ("wavelength", 1.0), "angstrom": ("wavelength", 1e-4),
+    "eV": ("energy", _EV_UM), "cm-1": ("wavenumber", 1e4), "THz": ("frequency", _C),
+    "mm": ("wavelength", 1e3), "keV": ("energy", _EV_UM / 1e3), "meV": ("energy", _EV_UM * 1e3),
+    "1/um": ("wavenumber", 1.0), "GHz": ("frequency", _C * 1e3), "Hz": ("frequency", _C * 1e12),
+    "rad/s": ("angular frequency", 2.0 * np.pi * _C * 1e12),
+    "rad/fs": ("angular frequency", 2e-3 * np.pi * _C),
+    "1/angstrom": ("q", 1e4), "1/nm": ("q", 1e3),
 }  # fmt: skip
-_UM = {"um": 1.0, "nm": 1e-3, "angstrom": 1e-4, "mm": 1e3}
-
-# what a number in the unit is
-FORM_OF = {
-    "nm": "wavelength", "um": "wavelength", "angstrom": "wavelength", "eV": "energy",
-    "cm-1": "wavenumber", "THz": "frequency", "mm": "wavelength", "keV": "energy",
-    "meV": "energy", "1/um": "wavenumber", "GHz": "frequency", "Hz": "frequency",
-    "rad/s": "angular frequency", "rad/fs": "angular frequency", "1/angstrom": "q", "1/nm": "q",
-}  # fmt: skip
+FORM_OF = {unit: form for unit, (form, _) in _UNITS.items()}
 WAVELENGTH_UNITS = tuple(unit for unit, form in FORM_OF.items() if form != "q")
-ANGLE_UNITS = ("deg", "rad", "grazing-deg", "1/angstrom", "1/nm")
 Q_UNITS = ("1/angstrom", "1/nm")
+ANGLE_UNITS = ("deg", "rad", "grazing-deg", *Q_UNITS)
 
 
 def wavelength_um(number: np.ndarray, unit: str) -> np.ndarray:
@@ -30,8 +29,15 @@ def wavelength_um(number: np.ndarray, unit: str) -> np.ndarray:
 
     A decimal prefix is a division by a power of ten, so 658 nm becomes the float 0.658 itself.
     """
+    form, factor = _UNITS[unit]
     with np.errstate(all="ignore"):
-        return scaled(number, _UM[unit]) if unit in _UM else _RECIPROCAL[unit] / number
+        return scaled(number, factor) if form == "wavelength" else factor / number
+
+
+def is_doubtful(number: np.ndarray, unit: str) -> bool:
+    """Return whether no spectrometer counts its wavelengths so: um that may be nm, or nm um."""
+    low, high = np.nanmin(number, initial=np.inf), np.nanmax(number, initial=0.0)
+    return bool((unit == "nm" and high < 5.0) or (unit == "um" and np.inf > low >= 100.0))
 
 
 def incidence_deg(number: np.ndarray, unit: str, wavelength: np.ndarray) -> np.ndarray:
@@ -42,8 +48,7 @@ def incidence_deg(number: np.ndarray, unit: str, wavelength: np.ndarray) -> np.n
     """
     with np.errstate(all="ignore"):
         if unit in Q_UNITS:
-            per_um = {"1/angstrom": 1e4, "1/nm": 1e3}[unit]
-            cosine = number * per_um * wavelength / (4.0 * np.pi)
+            cosine = number * _UNITS[unit][1] * wavelength / (4.0 * np.pi)
             return np.where(number < 0.0, np.nan, np.degrees(np.arccos(cosine)))
         if unit == "grazing-deg":
             return 90.0 - number

@@ -60,6 +60,14 @@ def is_missing(cell: str) -> bool:
     return cell.lower() in MISSING
 
 
+def number_or_none(text: str) -> float | None:
+    """Return the number that ``text`` is, with a point or a comma; None where it is none."""
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        return None
+
+
 def looks_like_data(cells: list[str]) -> tuple[bool, int]:
     """Return whether cells could be a row of a table, and how many mix digits with other signs.
 
@@ -143,7 +151,7 @@ def to_numbers(
     joined = "".join(cells)
     if "" not in cells and _PLAIN.fullmatch(joined) and (decimal == "." or "." not in joined):
         try:
-            return np.array([float(cell) for cell in cells], dtype=np.float64), ""
+            return np.array([float(cell) for cell in cells]), ""
         except ValueError:
             pass
     other = "." if decimal == "," else ","
@@ -161,8 +169,7 @@ def to_numbers(
                 line,
                 column,
             )
-        sign = cell[-1] if cell[-1] in "%\u00b0" else ""
-        signs.setdefault(sign, line)
+        signs.setdefault(cell[-1] if cell[-1] in "%\u00b0" else "", line)
         text = cell.rstrip("%\u00b0 ").replace("\u2212", "-").replace(",", ".")
         numbers.append(float(text.replace("d", "e").replace("D", "e")))
     if len(signs) > 1:
@@ -172,4 +179,4 @@ def to_numbers(
             max(signs.values()),
             column,
         )
-    return np.array(numbers, dtype=np.float64), max(signs, default="")
+    return np.array(numbers), max(signs, default="")

@@ -6,15 +6,14 @@ import re
 from collections import defaultdict
 from typing import NamedTuple, NoReturn
 
-from fitting.data.checks import all_alike, is_running
 from fitting.data.errors import refuse
 from fitting.data.quantities import POLARIZED, POWER_LETTERS, QUANTITIES, STOKES
 from fitting.data.units import FORM_OF
-from fitting.reader.cells import is_missing, is_number, to_numbers
+from fitting.reader.cells import is_missing, is_number, number_or_none, to_numbers
 from fitting.reader.names import Role, role_of
 from fitting.reader.options import Options
+from fitting.reader.remarks import light_of_cell
 from fitting.reader.table import Table
-from fitting.reader.vocabulary import light_of_cell
 
 # words by which a column shows that rows are means or deviations of other rows; Accurion EP3 and
 # EP4 write the mean of the zones as zone 0, their deviation as zone 5
@@ -191,31 +190,6 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
     return attached
 
 
-def _refuse_computed_rows(table: Table, used: set[int]) -> None:
-    """Raise where a column shows that some rows are means or deviations of others."""
-    for index in {*range(len(table.names))} - used:
-        cells = [cell.lower() for cell in table.cells(index)]
-        words = _ZONES if table.label(index).lower() == "zone" else _STATISTICS
-        first = next((i for i, cell in enumerate(cells) if cell in words), -1)
-        if first >= 0 and len(set(cells)) > 1:
-            refuse(
-                f"{table.rows[first][index]!r} says that this row is a mean or a standard "
-                "deviation of others. Delete such rows, or choose others with --lines A-B.",
-                table.lines[first],
-                table.label(index),
-            )
-
-
-def _is_harmless(table: Table, index: int, role: Role, constants: bool, axes: list[int]) -> bool:
-    """Return whether a fit may do without a column: nothing of the measurement is in it."""
-    cells = table.cells(index)
-    if is_running(cells):  # and is not the axis itself
-        return len({tuple(row[i] for i in axes) for row in table.rows}) > 1
-    means = role.quantity or light_of_cell(cells[0]) or role_of(cells[0]).quantity
-    alike = all_alike(cells) and (constants or not is_number(cells[0]))
-    return role.kind == "aside" or bool(alike and not means)
-
-
 def left_out(
     table: Table, columns: dict[int, Role], axes: list[int], constants: bool = True
 ) -> dict[int, str]:
@@ -227,11 +201,22 @@ def left_out(
     """
     lost = {}
     for index, role in columns.items():
-        if not _is_harmless(table, index, role, constants, axes):
+        cells = table.cells(index)
+        numbers, count = [*map(number_or_none, cells)], len(cells)
+        if count > 2 and numbers in ([*range(count)], [*range(1, count + 1)]):
+            harmless = (
+                len({tuple(row[i] for i in axes) for row in table.rows}) > 1
+            )  # no axis itself
+        else:
+            means = role.quantity or light_of_cell(cells[0]) or role_of(cells[0]).quantity
+            same = len({c if x is None else x for c, x in zip(cells, numbers, strict=True)}) == 1
+            same = same and (constants or not is_number(cells[0]))
+            harmless = role.kind == "aside" or (same and not means)
+        if not harmless:
             why = role.why if role.why.startswith("it ") else ""
             lost[index] = re.sub("^it (is|may be) ", "", why) or (
                 "an axis, a value or its standard error under a name or in a unit that is not known"
-                if all(is_number(cell) or is_missing(cell) for cell in table.cells(index))
+                if all(is_number(cell) or is_missing(cell) for cell in cells)
                 else "the polarization, or the name of a sample"
             )
     return lost
@@ -278,7 +263,17 @@ def choose_columns(table: Table, options: Options) -> Layout:
     sigmas = _attach(table, values, of_kind["sigma"])
     axes = [column.index for column in single.values() if column is not None]
     used = {*axes, *(c.index for c in [*values, *sigmas] if c is not None)}
-    _refuse_computed_rows(table, used)
+    for index in {*range(len(table.names))} - used:  # rows that are computed from others
+        cells = [cell.lower() for cell in table.cells(index)]
+        words = _ZONES if table.label(index).lower() == "zone" else _STATISTICS
+        row = next((i for i, cell in enumerate(cells) if cell in words), -1)
+        if row >= 0 and len(set(cells)) > 1:
+            refuse(
+                f"{table.rows[row][index]!r} says that this row is a mean or a standard deviation "
+                "of others. Delete such rows, or choose others with --lines A-B.",
+                table.lines[row],
+                table.label(index),
+            )
     rest = {} if options.columns else {i: roles[i] for i in filled if i not in used}
     unused = [table.label(i) for i in table.filled if i not in used]
     lost = left_out(table, rest, axes)

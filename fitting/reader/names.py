@@ -34,6 +34,7 @@ _AXES = (  # kind and form; one of these concepts is there, and beside it these,
     ("angle", "q", {"transfer"}, {"z"}),
     ("angle", "grazing", {"grazing"}, _ANGLES),
     ("angle", "incidence", _ANGLES, _BESIDE_ANGLES),
+    ("angle", "incidence", {"incidence"}, {*_BESIDE_ANGLES, "some angle"}),  # Einfallswinkel alpha
     ("wavelength", "wavelength", {"wavelength"}, {"vacuum"}),
     ("wavelength", "energy", {"energy"}, set()),
     ("wavelength", "wavenumber", {"wavenumber"}, set()),

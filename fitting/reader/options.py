@@ -25,8 +25,7 @@ _RANGES = {
 }  # fmt: skip
 _CHOICES = {
     "angle_unit": ANGLE_UNITS, "wavelength_unit": WAVELENGTH_UNITS, "psi_unit": ("deg", "rad"),
-    "delta_range": ("180", "360"),
-    "decimal": (".", ","),
+    "delta_range": ("180", "360"), "decimal": (".", ","),
 }  # fmt: skip
 
 
@@ -38,8 +37,8 @@ class Options(NamedTuple):
     polarizer: "angle-from-p", "angle-from-s" or "". missing: with "none", zeros were measured.
     lines: the first and the last that may hold rows; the header may stand before. delimiter: the
     sign itself; without it the split is taken that makes the most lines rows of one length.
-    sheet: of a spreadsheet. divided: the values are one of two scans or columns, whose quotient
-    counts: their unit is of no matter. reference: what may be the name of the second column.
+    divided: the values are one of two scans or columns, whose quotient counts: their unit is of no
+    matter. reference: what may be the name of the second column.
     """
 
     columns: Mapping[str, str] = {}
@@ -69,10 +68,10 @@ def _refuse(name: str, value: object, text: str) -> NoReturn:
     refuse(f"--{name.replace('_', '-')}={value} {text}")
 
 
-def _number(name: str, value: object) -> float:
+def _number(name: str, value: Any) -> float:
     low, high, wanted = _RANGES[name]
     try:
-        number = float(value)  # type: ignore[arg-type]
+        number = float(value)
     except (TypeError, ValueError):
         number = float("nan")
     if not low <= number <= high:
@@ -87,7 +86,7 @@ def _word(name: str, value: object) -> str:
     return text
 
 
-def _words(name: str, value: object) -> tuple[str, ...]:
+def _words(_: str, value: object) -> tuple[str, ...]:
     """Return the words of a list or of ``a,b``."""
     items = value if isinstance(value, (list, tuple)) else [value]
     return tuple(part.strip() for item in items for part in str(item).split(","))
@@ -117,10 +116,7 @@ def _columns(name: str, value: object) -> dict[str, str]:
 
 
 def _polarization(value: object) -> dict[str, Any]:
-    """Return the light of the whole file, the codes of a column, or where a polarizer counts from.
-
-    They are fields of `Options`.
-    """
+    """Return the fields of `Options` for one light, the codes of a column or a polarizer's zero."""
     text = plain(str(value)).strip().lower() if isinstance(value, str) else ""
     if text in POLARIZER_FROM:
         return {"polarizer": text}
@@ -156,7 +152,7 @@ def _sign(name: str, value: object) -> str:
     return mark
 
 
-_PARSERS: dict[str, Callable[[str, object], object]] = {
+_PARSERS: dict[str, Callable[[str, object], Any]] = {
     **dict.fromkeys(_RANGES, _number), **dict.fromkeys(_CHOICES, _word), "columns": _columns,
     "ignore": lambda name, value: tuple(word.lower() for word in _words(name, value)),
     "missing": _words, "lines": _lines, "delimiter": _sign,
@@ -165,14 +161,10 @@ _PARSERS: dict[str, Callable[[str, object], object]] = {
 
 
 def parse_options(by_name: Mapping[str, object]) -> Options:
-    """Return the options of ``read_csv`` by their names, checked; None is not given.
-
-    Refuses one that means nothing.
-    """
+    """Return the options of ``read_csv`` by their names; None is not given. Refuses a bad one."""
     given = {name: value for name, value in by_name.items() if value is not None}
     light = _polarization(given.pop("polarization")) if "polarization" in given else {}
-    values: dict[str, Any] = {name: _PARSERS[name](name, value) for name, value in given.items()}
-    options = Options(**(light | values))
+    options = Options(**light, **{name: _PARSERS[name](name, of) for name, of in given.items()})
     if options.delimiter and options.delimiter == options.decimal:
         refuse("--delimiter and --decimal are the same sign. Give one of them another.")
     return options

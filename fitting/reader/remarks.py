@@ -17,16 +17,19 @@ from fitting.data.quantities import POWER_LETTERS
 from fitting.data.units import WAVELENGTH_UNITS, incidence_deg, wavelength_um
 from fitting.reader.options import Options
 from fitting.reader.vocabulary import (
-    AXIS_CONCEPTS,
+    ALONE,
+    CONCEPT,
     LETTERS,
     OTHER_POWER,
-    QUANTITY_CONCEPTS,
+    ROOTS,
     SPOKEN,
-    Words,
+    STRONG_UNITS,
+    UNITS,
+    cased,
     light_of,
     plain,
     spelled,
-    words_of,
+    unit_of,
 )
 
 # kind of statement -> what it gives, the option that overrules it, and the fields of that option
@@ -46,6 +49,7 @@ OPTION = {
 }  # fmt: skip
 FULL_NAME = "the file name"
 _ANGULAR = {"deg", "rad", "mrad"}
+_AXES = {"laser", "wavelength", "energy", "wavenumber", "frequency"}
 _CLAUSE = re.compile(r"[,;|](?=\s|$)|(?<=[a-z])\.\s")  # "incidence;45" is one
 # a polarization as a word of the name of a file, as it is written; not "sp", nor "P3HT"
 _LETTER = re.compile(rf"(?<![^\W_])([sp]|[SP]|TE|TM|[{''.join(SPOKEN)}][sp])(?![^\W_])")
@@ -54,6 +58,76 @@ _EXPANDED = re.compile(
     r"|(?<![^\W_])(?:coverage|confidence|expanded|konfidenz|vertrauens|erweitert)"
 )
 _NUMBERED = re.compile(r"(?i)(?:angle|theta|winkel)[ _=]*[0-9]")
+
+
+_WORD = re.compile(
+    r"(?P<number>(?<![^\W_])(?<!\.)(?:(?<=[\s=:(])[-+])?(?:[0-9]+(?:[.,][0-9]+)?|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?)"
+    r"|(?P<word>[A-Za-z]+|[^\W_0-9A-Za-z]+)|(?P<sign>[%\u2030])|(?P<digits>[0-9]+)"
+)
+_UNIT_WORD = re.compile(
+    r"(?i)(?:1/(?:nm|cm|angstroms?|a)\b|(?:nm|cm|angstrom|a)\^?-1\b|\ba\.u\.|\bdB\b)"
+)
+_NUMBERED_CONCEPTS = ("incidence", "angle", "grazing", "some angle", "wavelength", "laser")
+
+
+class Words(NamedTuple):
+    """What a piece of text says: words in small letters, numbers (as written), units of it.
+
+    concepts: concept of each known word. numbers: (number, unit behind it or "").
+    units: units that stand behind no number. unknown: whether any word is not in the vocabulary.
+    capitals: words of the text as they are written.
+    """
+
+    concepts: set[str]
+    numbers: list[tuple[float, str]]
+    units: set[str]
+    unknown: bool
+    capitals: list[str]
+
+
+def words_of(text: str) -> Words:
+    """Return what a comment, a setting or a file name says, word by word."""
+    text = spelled(text)
+    said = Words(set(), [], {unit_of(match) or "" for match in _UNIT_WORD.findall(text)}, False, [])
+    unknown, end, last = False, -9, ""
+    text = _UNIT_WORD.sub(" ", text)
+    for match in _WORD.finditer(text):
+        whole, kind = match[0], match.lastgroup
+        # AOI60, lambda532; but not "sample2"
+        if kind == "number" or (kind == "digits" and last in _NUMBERED_CONCEPTS):
+            said.numbers.append((float(whole.replace(",", ".")), ""))
+            end = match.end()
+            continue
+        unit = UNITS.get(whole.lower(), "")
+        behind = end > 0 and not text[end : match.start()].strip(" _\t:,;=([{")
+        if unit in STRONG_UNITS or (behind and unit == "angstrom"):
+            if behind and not said.numbers[-1][1]:
+                said.numbers[-1] = (said.numbers[-1][0], unit)
+                end = -9
+            elif whole != "a":
+                said.units.add(unit)
+            said.capitals.append(whole)
+            continue
+        for word in cased(whole) if kind == "word" else []:
+            said.capitals.append(word)
+            last = word if word in SPOKEN else CONCEPT.get(word.lower(), "")
+            if not last and unit in ("permille", "1", "arb"):
+                said.units.add(unit)
+            elif not last:
+                unknown = True
+                said.concepts.update(c for root, c in ROOTS.items() if root in word.lower())
+            else:
+                said.concepts.add(last)
+        unknown = unknown or kind == "digits"
+    return said._replace(units=said.units - {""}, unknown=unknown)
+
+
+def light_of_cell(cell: str) -> str:
+    """Return the polarization that a cell says and nothing else: s, TM, p-polarized, senkrecht."""
+    words = words_of(cell)
+    letters = words.concepts & LETTERS
+    known = not words.unknown and words.concepts <= {*letters, "polarization", "wave"}
+    return next(iter(letters)) if known and len(letters) == 1 and not words.numbers else ""
 
 
 class Said(NamedTuple):
@@ -67,109 +141,83 @@ class Said(NamedTuple):
     numbers: tuple[float, ...] = ()
 
 
-Heard = list[tuple[str, float | str | None]]
+def _heard(words: Words) -> list[tuple[str, float | str | None]]:
+    """Return what a clause says of the whole measurement: kinds, each with a value or None."""
+    said, numbers = words.concepts, words.numbers
+    units = words.units | {unit for _, unit in numbers} - {""}
+    unit = next(iter(units), "")
+    heard: list[tuple[str, float | str | None]] = []
 
+    def only(*concepts: str) -> bool:
+        """Return whether the clause says nothing beyond these concepts, and one number at most."""
+        known = {"filler", "article", "normal", *concepts}
+        return not words.unknown and said <= known and len(numbers) <= 1
 
-def _only(words: Words, *concepts: str) -> bool:
-    """Return whether a clause says nothing beyond these concepts, and one number at most."""
-    known = {"filler", "article", "normal", *concepts}
-    return not words.unknown and words.concepts <= known and len(words.numbers) <= 1
-
-
-def _units_of(words: Words) -> set[str]:
-    """Return all units of a clause, behind numbers or alone."""
-    return words.units | {unit for _, unit in words.numbers} - {""}
-
-
-def _angle(words: Words) -> Heard:
-    """Return what a clause says of the angle of incidence, or of the unit of angles."""
-    said, units = words.concepts, _units_of(words)
+    # the angle of incidence, or the unit of angles
     about = said & {"incidence", "grazing", "oblique"} or (
         said & {"angle", "doubled"} and "no incidence" not in said
     )
     other = said & {"no incidence", "polarization", "polarizer", "psi", "delta", "s", "p"}
-    perhaps = words.numbers and "some angle" in said
-    if not (about or perhaps) and (other or not units & _ANGULAR):
-        return []
-    clear = about and units <= {"deg", "rad"} and _only(words, "incidence", "angle")
-    unit = next(iter(units), "")
-    if not words.numbers:
-        if not clear:
-            return [(kind, None) for kind in ("angle", "angle unit")[: 2 - ("oblique" in said)]]
-        none = 0.0 if {"normal", "incidence"} <= said else None
-        return [("angle unit", unit)] if unit else [("angle", none)]
-    number = words.numbers[0][0]
-    # 1.6 is the largest number that can be a right angle in radians
-    if not clear or not (unit or number > 1.6 or number == 0.0):
-        return [("angle", None)]
-    degrees = float(incidence_deg(np.array(number), unit or "deg", np.array(np.nan)))
-    return [("angle", degrees if 0.0 <= degrees <= 90.0 else None)]
+    clear = about and units <= {"deg", "rad"} and only("incidence", "angle")
+    if about or (numbers and "some angle" in said) or (units & _ANGULAR and not other):
+        if numbers:
+            number, degrees = numbers[0][0], -1.0
+            # 1.6 is the largest number that can be a right angle in radians
+            if clear and (unit or number > 1.6 or number == 0.0):
+                degrees = float(incidence_deg(np.array(number), unit or "deg", np.array(np.nan)))
+            heard.append(("angle", degrees if 0.0 <= degrees <= 90.0 else None))
+        elif clear and unit:
+            heard.append(("angle unit", unit))
+        elif clear:
+            heard.append(("angle", 0.0 if {"normal", "incidence"} <= said else None))
+        else:
+            heard += [(kind, None) for kind in ("angle", "angle unit")[: 2 - ("oblique" in said)]]
 
+    # the wavelength of all rows, or the unit of wavelengths; not a laser's power
+    sized, named = units & {*WAVELENGTH_UNITS}, said & _AXES
+    clear = named and only(*_AXES)
+    photon = {unit for _, unit in numbers} & {"eV", "keV"}  # or the gap of the material
+    bare = clear and not words.units and numbers and not numbers[0][1]
+    if "wavelength" in said or photon or (named and sized) or bare:
+        of = next(iter(sized), "")
+        if numbers:
+            clear = clear and of and numbers[0][0] > 0.0
+            um = float(wavelength_um(np.array(numbers[0][0]), of)) if clear else None
+            heard.append(("wavelength", um))
+        elif of:
+            heard += [("wavelength unit", of)] if clear else [
+                ("wavelength", None), ("wavelength unit", None)]  # fmt: skip
 
-def _wavelength(words: Words) -> Heard:
-    """Return what a clause says of the wavelength of all rows, or of the unit of wavelengths."""
-    said, sized = words.concepts, _units_of(words) & {*WAVELENGTH_UNITS}
-    named = said & {"laser", *AXIS_CONCEPTS}
-    only = named and _only(words, "laser", *AXIS_CONCEPTS)
-    bare = not words.units and words.numbers and not words.numbers[0][1]
-    photon = {unit for _, unit in words.numbers} & {"eV", "keV"}  # or the gap of the material
-    if not ("wavelength" in said or photon or (named and sized) or (only and bare)):
-        return []  # a laser's power, a pulse's energy, a chopper's frequency
-    unit = next(iter(sized), "")
-    if not words.numbers:
-        if unit and not only:
-            return [("wavelength", None), ("wavelength unit", None)]
-        return [("wavelength unit", unit)] if unit else []
-    number = words.numbers[0][0]
-    clear = only and unit and number > 0.0
-    return [("wavelength", float(wavelength_um(np.array(number), unit)) if clear else None)]
-
-
-def _light(words: Words) -> Heard:
-    said = words.concepts
+    # the polarization; "parallel" alone may be the light's direction or that of its field
     letters = said & LETTERS or ({"u"} if "none" in said else set())
     named = said & {"polarization", "polarizer"} or ("wave" in said and letters)
     named = named or any(
         word in ("TE", "TM") or word.lower().startswith(("unpol", "spol", "ppol"))
         for word in words.capitals
     )
-    # "parallel" alone may be the light's direction or that of its field
     alone = any(len(w) > 2 and light_of(w.lower()) for w in words.capitals)
-    if not (named or alone or "direction" in said):
-        return []
-    clear = named and not words.numbers and len(letters) == 1
-    clear = clear and _only(words, "polarization", "wave", "none", *LETTERS)
-    return [("light", next(iter(letters)) if clear else None)]
+    if named or alone or "direction" in said:
+        clear = named and not numbers and len(letters) == 1
+        clear = clear and only("polarization", "wave", "none", *LETTERS)
+        heard.append(("light", next(iter(letters)) if clear else None))
 
-
-def _units(words: Words) -> Heard:
-    """Return what a clause says of the unit of powers, or, without a number, of psi and Delta."""
-    said = words.concepts
-    if "scaled" in said and not words.unknown and any(not unit for _, unit in words.numbers):
-        return [("power unit", None)]
+    # the unit of powers, or, without a number, of psi and Delta
+    scaled = "scaled" in said and not words.unknown and any(not unit for _, unit in numbers)
     relative = "relative" in said and said & {*POWER_LETTERS, "raw"} and "error" not in said
-    if relative or "normalized" in said:
-        return [("power unit", None)]  # to a reference mirror, not to the direct beam
-    if words.numbers or not words.units:
-        return []
-    unit = next(iter(words.units)) if len(words.units) == 1 else ""
-    quantities = said & {*QUANTITY_CONCEPTS, "raw"}
-    if quantities & {"psi", "delta"} and words.units & {"deg", "rad"}:
-        return [("psi unit", unit if unit and _only(words, "psi", "delta", "angle") else None)]
+    quantities = said & {*POWER_LETTERS, OTHER_POWER, *ALONE, "raw"}
     powers = {"percent", "permille"} | ({"1", "arb"} if quantities else set())
-    if words.units & powers:
-        clear = unit and unit != "permille" and _only(words, *POWER_LETTERS)
-        return [("power unit", unit if clear else None)]
-    return []
+    if scaled or relative or "normalized" in said:  # to a reference mirror, not to the direct beam
+        heard.append(("power unit", None))
+    elif not numbers and quantities & {"psi", "delta"} and units & {"deg", "rad"}:
+        clear = len(units) == 1 and only("psi", "delta", "angle")
+        heard.append(("psi unit", unit if clear else None))
+    elif not numbers and units & powers:
+        clear = len(units) == 1 and unit != "permille" and only(*POWER_LETTERS)
+        heard.append(("power unit", unit if clear else None))
 
-
-def _quantity(words: Words) -> Heard:
-    """Return the quantities that are written out; as letters they are names of columns."""
-    named = words.concepts & {*POWER_LETTERS, OTHER_POWER}
-    return [("quantity", q) for q in named if len(q) > 1 or q not in words.capitals]
-
-
-_HEARERS = (_angle, _wavelength, _light, _units, _quantity)
+    # quantities that are written out; as letters they are names of columns
+    named = said & {*POWER_LETTERS, OTHER_POWER}
+    return heard + [("quantity", q) for q in named if len(q) > 1 or q not in words.capitals]
 
 
 def statements(line: int, text: str) -> list[Said]:
@@ -180,38 +228,33 @@ def statements(line: int, text: str) -> list[Said]:
         words = words_of(clause)
         numbers = tuple(n for n, unit in words.numbers if unit in ("", "deg"))
         numbers = numbers if len(numbers) == 1 else ()  # two may be the range of a scan
-        for kind, value in (pair for hear in _HEARERS for pair in hear(words)):
+        for kind, value in _heard(words):
             open_angle = kind == "angle" and value is None
             said.append(Said(kind, value, *place, numbers if open_angle else ()))
     return said
 
 
-def _statements_of_name(stem: str) -> list[Said]:
-    """Return what the name of the file may say, for people to confirm; no option is taken from it.
+def evidence(name: str, preamble: list[tuple[int, str]]) -> list[Said]:
+    """Return what the lines beside the numbers and the name of the file, without its end, say.
 
-    A word that is not known is the sample's, and no reason for doubt.
+    What the name may say is for people to confirm; no option is taken from it. A word in it that is
+    not known is the sample's, and no reason for doubt.
     """
-    text = re.sub(r"(?<=[^\W_])-(?=[^\W_])", " ", plain(stem))
+    found = [one for line, text in preamble for one in statements(line, text)]
+    text = re.sub(r"(?<=[^\W_])-(?=[^\W_])", " ", plain(name))
     words = words_of(text)._replace(unknown=False)
     said = words.concepts
     named = said & {"incidence", "grazing", "some angle"} or _NUMBERED.search(text)
     degrees = [n for n, unit in words.numbers if unit == "deg" or (named and not unit)]
     degrees += [0.0] * ({"normal", "incidence"} <= said)
-    found = []
     if degrees and (named or "no incidence" not in said):
-        found.append(Said("angle", None, FULL_NAME, stem[:80], (degrees[0],)))
-    heard = {pair for hear in _HEARERS for pair in hear(words._replace(numbers=[]))}
+        found.append(Said("angle", None, FULL_NAME, name[:80], (degrees[0],)))
+    heard = {*_heard(words._replace(numbers=[]))}
     heard |= {("wavelength", None)} if "wavelength" in said and words.numbers else set()
     if len({letter.lower() for letter in _LETTER.findall(text)}) == 1:
         heard.add(("light", None))
     kinds = {(kind, value if kind == "quantity" else None) for kind, value in heard}
-    return found + [Said(*pair, FULL_NAME, stem[:80]) for pair in kinds if pair[0] != "angle"]
-
-
-def evidence(name: str, preamble: list[tuple[int, str]]) -> list[Said]:
-    """Return what the lines beside the numbers and the name of the file, without its end, say."""
-    said = [one for line, text in preamble for one in statements(line, text)]
-    return said + _statements_of_name(name)
+    return found + [Said(*pair, FULL_NAME, name[:80]) for pair in kinds if pair[0] != "angle"]
 
 
 def without(said: list[Said], options: Options) -> list[Said]:

@@ -123,14 +123,6 @@ def _known_names(cells: list[str]) -> int:
     return sum(bool(role_of(cell).kind) for cell in cells)
 
 
-def _is_small(name: str, unit: str) -> bool:
-    """Return whether the numbers of a column are below 1000 by its name: percent, degrees, ..."""
-    role = role_of(name, unit)
-    value, angle = ("percent", "1", "deg", "rad"), ("deg", "rad")
-    sized = {"value": value, "sigma": value, "angle": angle}
-    return role.kind == "index" or role.unit in sized.get(role.kind, ())
-
-
 def _units_row(cells: list[str]) -> list[str] | None:
     """Return the units in a row that holds nothing else, "" for a rule or a gap; else None.
 
@@ -193,21 +185,6 @@ def _refuse_strays(before: Lines, header: int, delimiter: str, count: int) -> No
                 f"{text.strip()[:60]!r} stands before the numbers and is neither a header nor a "
                 f"row of {count} numbers. Correct it, mark it with #, or start below it with "
                 f"--lines {line + 1}-.",
-                line,
-            )
-
-
-def _refuse_between(remarks: Lines, before: list[str], count: int) -> None:
-    """Refuse a remark between the rows that says what the rows below it are.
-
-    before: the lines above the numbers, which a page may repeat.
-    """
-    for line, text in remarks:
-        other = _known_names(_split_names(text, "", count)) >= 2
-        if text not in before and (other or statements(line, text)):
-            refuse(
-                f"{text[:60]!r} stands between the numbers, and may say that another measurement "
-                "begins. Read one of them with --lines A-B.",
                 line,
             )
 
@@ -304,8 +281,15 @@ def read_table(numbered: Lines, options: Options) -> Table:
             row_lines[0],
         )
     below = [remark for remark in remarks if remark[0] > row_lines[-1]]
-    known = [uncomment(text) for _, text in before]
-    _refuse_between(remarks[: len(remarks) - len(below)], known, count)
+    known = [uncomment(text) for _, text in before]  # which a page may repeat
+    for line, text in remarks[: len(remarks) - len(below)]:
+        header_like = _known_names(_split_names(text, "", count)) >= 2
+        if text not in known and (header_like or statements(line, text)):
+            refuse(
+                f"{text[:60]!r} stands between the numbers, and may say that another measurement "
+                "begins. Read one of them with --lines A-B.",
+                line,
+            )
     _refuse_strays([b for b in before if b[0] >= first], header, mark, count)
     beside = []
     for line, text in before:
@@ -315,7 +299,12 @@ def read_table(numbered: Lines, options: Options) -> Table:
         says = row is None or (any(row) and len(cells) != count)
         if line != header and says and (line >= first or _known_names(cells) < 2):
             beside.append((line, uncomment(text)))
-    small = {i for i, of in enumerate(zip(names, units, strict=True)) if _is_small(*of)}
+    small = set()  # columns of numbers below 1000 by their names: percent, degrees, an index
+    for i, role in enumerate(map(role_of, names, units)):
+        sized = ("percent", "1", "deg", "rad") if role.kind in ("value", "sigma") else ()
+        sized = ("deg", "rad") if role.kind == "angle" else sized
+        if role.kind == "index" or role.unit in sized:
+            small.add(i)
     return Table(
         names=[name if len(name) <= LONGEST else name[:80] + "\u2026" for name in names],
         units=units,

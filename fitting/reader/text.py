@@ -23,27 +23,14 @@ from fitting.reader.cells import is_number
 MAX_BYTES = 10_000_000
 STDIN = "-"
 
-# Every byte is a character of Latin-1; measured files hold a few of its letters (micro, degree,
-# Angstrom), which Windows-1252 writes alike. It is the reading of bytes that are not UTF-8.
-_FALLBACK = "latin-1"
 _WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods", ".numbers")
 _PATH = (str, PathLike)
-Rows = Sequence[Sequence[str]]
-_ZIP = b"PK\x03\x04"
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 # What lists the columns of a table: of dictionaries and pandas, of Arrow, of polars.
 _NAMES = ("keys", "column_names", "columns")
 _MARKED_UP = re.compile(r"\ufeff?\s*(?:[{\[]\s*[\"{\[]|<[!?a-zA-Z])")
 _LINE_END = re.compile("\r\n|\n|\r")  # not splitlines, which also cuts at form feeds
-
-
-def _guess_encoding(data: bytes) -> str:
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "utf-16"
-    try:
-        data.decode("utf-8")
-    except UnicodeDecodeError:
-        return _FALLBACK
-    return "utf-8"
+Rows = Sequence[Sequence[str]]
 
 
 def source_of(source: Any) -> str:
@@ -85,10 +72,7 @@ def _refuse_larger(size: int) -> None:
 
 
 def _written(value: Any, percent: bool = False) -> str:
-    """Return a cell of a table as it is written in a text file; numbers to the last bit.
-
-    percent: whether a spreadsheet shows the number in percent.
-    """
+    """Return a cell of a table as a text file has it, to the last bit; percent: as it is shown."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return f"{Decimal(repr(value)).scaleb(2)}%" if percent else repr(value)
     text = "" if value is None or str(value) in ("<NA>", "NaT") else str(value)
@@ -136,9 +120,9 @@ def _rows_of(table: Any) -> Rows:
         table = table.to_frame()
     if any(name is not None for name in getattr(getattr(table, "index", None), "names", ())):
         table = table.reset_index()  # of pandas, which has angles or wavelengths there
-    listed: Any = next((getattr(table, of) for of in _NAMES if hasattr(table, of)), ())
-    names: Any = listed() if callable(listed) else listed
-    names = [*names]
+    found: Any = next((getattr(table, of) for of in _NAMES if hasattr(table, of)), ())
+    listed: Any = found() if callable(found) else found
+    names = [*listed]
     if not names:
         refuse(
             f"{type(table).__name__} came; a table with named columns was wanted, such as a data "
@@ -170,19 +154,18 @@ class Lines(NamedTuple):
 
 
 def read_lines(source: Any, encoding: str | None = None, sheet: str | None = None) -> Lines:
-    """Return the lines of a file, a buffer or a table without their ends.
+    """Return the lines of a file, a buffer or a table without their ends: LF, CRLF or CR.
 
     ``-`` is standard input. Control characters are shown as escapes; a form feed is a blank. The
     rows of a table are numbered as in a spreadsheet: the names stand in line 1.
 
-    encoding: a name that Python knows (utf-8, latin-1, utf-16, ...); None takes a byte-order mark,
-        valid UTF-8, else Latin-1, in this order. sheet: name of that of a workbook.
-    Lines end with LF, CRLF or CR. Refuses a file where there is no text to read.
+    encoding: a name that Python knows; None takes a byte-order mark, valid UTF-8, else Latin-1.
+    sheet: name of that of a workbook. Refuses a file where there is no text to read.
     """
     name = source_of(source)
     readable = isinstance(source, _PATH) or hasattr(source, "read")
     data = _contents(source, encoding) if readable else b""
-    book = data.startswith(_ZIP) and b"xl/workbook" in data
+    book = data.startswith(b"PK\x03\x04") and b"xl/workbook" in data
     if sheet and not book:
         refuse(f"--sheet {sheet} is for a spreadsheet (.xlsx), which this is not. Leave it out.")
     if encoding and (book or not readable):
@@ -195,22 +178,26 @@ def read_lines(source: Any, encoding: str | None = None, sheet: str | None = Non
         return Lines(lines, [f"sheet {title!r}"] * book, said, True)
     if PurePath(name).suffix.lower() in _WORKBOOKS:
         refuse("this is the name of a workbook, but no .xlsx workbook. Save the sheet as CSV.")
-    chosen = str(encoding or _guess_encoding(data))
+    chosen, notes = encoding or ("utf-16" if data.startswith(_UTF_16) else "utf-8"), []
     try:
-        text = data.decode(chosen)
+        try:
+            text = data.decode(chosen)
+        except UnicodeDecodeError:
+            if encoding or chosen == "utf-16":
+                raise
+            # The letters that measured files hold (micro, degree) are the same in Windows-1252.
+            text, notes = data.decode("latin-1"), ["text read as Latin-1 (--encoding)"]
         if "\0" in text:
             raise ValueError("there are zero bytes")
     except (UnicodeError, LookupError, ValueError) as error:
         refuse(
-            f"the bytes are not {chosen} text ({error}). Say --encoding NAME (utf-8, utf-16, "
-            "latin-1, ...) if it is text; a PDF, or a workbook that is no .xlsx, must be saved as "
-            "CSV."
+            f"the bytes are not {'latin-1' if notes else chosen} text ({error}). Say --encoding "
+            "NAME (utf-8, utf-16, latin-1, ...) if it is text; a PDF, or a workbook that is no "
+            ".xlsx, must be saved as CSV."
         )
     if _MARKED_UP.match(text):
         refuse("this is JSON or markup, not a table. Export the curve as CSV.")
-    guessed = not encoding and chosen == _FALLBACK
     text = visible(text.removeprefix("\ufeff").replace("\f", " ").replace("\v", " "), "\t\r\n")
     lines = _LINE_END.split(text)
     lines = lines if lines[-1] else lines[:-1]  # what stands behind the last line end is no line
-    notes = ["text read as Latin-1 (--encoding)"] if guessed else []
     return Lines(lines, notes, PurePath(name).stem)

@@ -10,7 +10,6 @@ import configparser
 import re
 import unicodedata
 from pathlib import Path
-from typing import NamedTuple
 
 from fitting.data.quantities import POWER_LETTERS, POWERS, QUANTITIES
 from fitting.data.units import FORM_OF
@@ -18,41 +17,27 @@ from fitting.data.units import FORM_OF
 LONGEST = 200  # letters of a column's name; what is longer is a text
 
 
-def _lists() -> dict[str, dict[str, str]]:
-    """Return for concept, unit and root what each word of the vocabulary is."""
-    parser = configparser.ConfigParser(delimiters=("=",), interpolation=None)
-    parser.optionxform = str  # type: ignore[assignment, method-assign]
-    parser.read(Path(__file__).with_name("vocabulary.ini"), encoding="utf-8")
-    return {
-        kind: {word: name for name, words in parser[kind].items() for word in words.split()}
-        for kind in parser.sections()
-    }
-
-
-_WORDS = _lists()
+_FILE = configparser.ConfigParser(delimiters=("=",), interpolation=None)
+_FILE.optionxform = str  # type: ignore[assignment, method-assign]
+_FILE.read(Path(__file__).with_name("vocabulary.ini"), encoding="utf-8")
+# for concept, unit, root and signs what each word is
+_WORDS = {
+    kind: {word: name for name, words in _FILE[kind].items() for word in words.split()}
+    for kind in _FILE.sections()
+}
 CONCEPT, UNITS = _WORDS["concept"], {unit.lower(): unit for unit in FORM_OF} | _WORDS["unit"]
 # what an unknown word speaks of if it holds one of these: compounds, scripts that part no words
-_ROOTS = {w: c for w, c in CONCEPT.items() if not w.isascii() and len(w) > 1} | _WORDS["root"]
+ROOTS = {w: c for w, c in CONCEPT.items() if not w.isascii() and len(w) > 1} | _WORDS["root"]
 LETTERS = frozenset("spu")
 ALONE = tuple(name for name in QUANTITIES if name not in POWERS)  # have no s and p of their own
 # absorbance, log10(1 / T), and absorption, which may mean it, can be no column of values
 OTHER_POWER = "absorbance"
-QUANTITY_CONCEPTS = (*POWER_LETTERS, OTHER_POWER, *ALONE)
 # letters that mean their power in a sentence too: as a small letter they are no word
 SPOKEN = tuple(letter for letter in POWER_LETTERS if letter.lower() not in CONCEPT)
-AXIS_CONCEPTS = ("wavelength", "energy", "wavenumber", "frequency")
 
 _TRANSLATION = str.maketrans(
     _WORDS["sign"] | {sign: f" {word} " for sign, word in _WORDS["sign for a word"].items()}
 )
-
-
-def _letter(sign: str) -> str:
-    """Return a letter without its accent; any other sign as it is."""
-    if sign.isascii() or not sign.isalpha():
-        return sign
-    bare = "".join(c for c in unicodedata.normalize("NFKD", sign) if not unicodedata.combining(c))
-    return bare if bare.isascii() else sign
 
 
 def plain(text: str) -> str:
@@ -62,10 +47,13 @@ def plain(text: str) -> str:
     """
     if text.isascii():
         return text
-    text = unicodedata.normalize(
-        "NFC", text.replace("\u00b0C", " celsius ").translate(_TRANSLATION)
-    )
-    return "".join(map(_letter, text))
+    text = text.replace("\u00b0C", " celsius ").translate(_TRANSLATION)
+    signs = []
+    for sign in unicodedata.normalize("NFC", text):
+        parts = unicodedata.normalize("NFKD", sign)
+        bare = "".join(part for part in parts if not unicodedata.combining(part))
+        signs.append(bare if sign.isalpha() and bare.isascii() else sign)
+    return "".join(signs)
 
 
 # 0/45, d/8, 45:0: the angles of the light and of the detector
@@ -104,34 +92,11 @@ def unit_of(text: str) -> str | None:
     return UNITS.get(word)
 
 
-class Words(NamedTuple):
-    """What a piece of text says: words in small letters, numbers (as written), units of it.
-
-    concepts: concept of each known word. numbers: (number, unit behind it or "").
-    units: units that stand behind no number. unknown: whether any word is not in the vocabulary.
-    capitals: words of the text as they are written.
-    """
-
-    concepts: set[str]
-    numbers: list[tuple[float, str]]
-    units: set[str]
-    unknown: bool
-    capitals: list[str]
-
-
-_WORD = re.compile(
-    r"(?P<number>(?<![^\W_])(?<!\.)(?:(?<=[\s=:(])[-+])?(?:[0-9]+(?:[.,][0-9]+)?|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?)"
-    r"|(?P<word>[A-Za-z]+|[^\W_0-9A-Za-z]+)|(?P<sign>[%\u2030])|(?P<digits>[0-9]+)"
-)
-_UNIT_WORD = re.compile(
-    r"(?i)(?:1/(?:nm|cm|angstroms?|a)\b|(?:nm|cm|angstrom|a)\^?-1\b|\ba\.u\.|\bdB\b)"
-)
 # words that are a unit wherever they stand, and those that are one behind a name
-_STRONG_UNITS = frozenset(
+STRONG_UNITS = frozenset(
     ["deg", "rad", "mrad", "nm", "um", "angstrom", "eV", "keV", "THz", "percent", "permille"]
 )
-UNITS_BEHIND_WORDS = _STRONG_UNITS.union(FORM_OF)
-_NUMBERED = ("incidence", "angle", "grazing", "some angle", "wavelength", "laser")
+UNITS_BEHIND_WORDS = STRONG_UNITS.union(FORM_OF)
 
 
 def cased(word: str) -> list[str]:
@@ -139,48 +104,3 @@ def cased(word: str) -> list[str]:
     if word.isupper() or not (word.isascii() and word.isalpha()):
         return [word]
     return re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", word) or [word]
-
-
-def words_of(text: str) -> Words:
-    """Return what a comment, a setting or a file name says, word by word."""
-    text = spelled(text)
-    said = Words(set(), [], {unit_of(match) or "" for match in _UNIT_WORD.findall(text)}, False, [])
-    unknown, end, last = False, -9, ""
-    text = _UNIT_WORD.sub(" ", text)
-    for match in _WORD.finditer(text):
-        whole, kind = match[0], match.lastgroup
-        # AOI60, lambda532; but not "sample2"
-        if kind == "number" or (kind == "digits" and last in _NUMBERED):
-            said.numbers.append((float(whole.replace(",", ".")), ""))
-            end = match.end()
-            continue
-        unit = UNITS.get(whole.lower(), "")
-        behind = end > 0 and not text[end : match.start()].strip(" _\t:,;=([{")
-        if unit in _STRONG_UNITS or (behind and unit == "angstrom"):
-            if behind and not said.numbers[-1][1]:
-                said.numbers[-1] = (said.numbers[-1][0], unit)
-                end = -9
-            elif whole != "a":
-                said.units.add(unit)
-            said.capitals.append(whole)
-            continue
-        for word in cased(whole) if kind == "word" else []:
-            said.capitals.append(word)
-            last = word if word in SPOKEN else CONCEPT.get(word.lower(), "")
-            if not last and unit in ("permille", "1", "arb"):
-                said.units.add(unit)
-            elif not last:
-                unknown = True
-                said.concepts.update(c for root, c in _ROOTS.items() if root in word.lower())
-            else:
-                said.concepts.add(last)
-        unknown = unknown or kind == "digits"
-    return said._replace(units=said.units - {""}, unknown=unknown)
-
-
-def light_of_cell(cell: str) -> str:
-    """Return the polarization that a cell says and nothing else: s, TM, p-polarized, senkrecht."""
-    words = words_of(cell)
-    letters = words.concepts & LETTERS
-    known = not words.unknown and words.concepts <= {*letters, "polarization", "wave"}
-    return next(iter(letters)) if known and len(letters) == 1 and not words.numbers else ""

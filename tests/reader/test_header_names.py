@@ -7,6 +7,7 @@ from fitting.reader.names import role_of
 AXES = {
     "incidence": "angle_deg|AOI|theta|Einfallswinkel|incidence_angle|Angle of Incidence"
     "|\u03b8 [\u00b0]"
+    "|Einfallswinkel \u03b1 (\u00b0)"
     "|theta_i (rad)|aoi (degree)|angle of incidence / deg|Angle d'incidence",
     "grazing": "grazing angle (deg)|glancing angle",
     "q": "Qz (1/angstrom)|q|Q (1/nm)|Q [\u00c5\u207b\u00b9]",

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fitting.data.measurement import QUANTITIES, Measurement, MeasurementError
+from fitting.measured_file import read_csv
 from tests.truth.reading import read, refusal
 
 
@@ -58,6 +59,11 @@ def test_arrays_meet_the_same_checks() -> None:
         ({"angle_deg": ["a", "b"], "R_s": 0.1}, "must be numbers"),
         ({"angle_deg": [10, 20], "Rs": 0.1}, "no quantity Rs"),
         ({"angle_deg": 10, "R": 0.1, "wavelength_nm": 500}, "wavelengths are wavelength_um"),
+        (
+            {"angle_deg": 10, "R": 0.1, "wavelength_um": [400, 800]},
+            '400 to 800 um came; these may be nm. Say wavelength_unit="nm", or ',
+        ),
+        ({"angle_deg": 10, "R": 0.3, "sigma": 2.0}, "is above 1; .* sigma=0.002 for 0.2 %"),
         ({"angle_deg": 10, "R": 0.1, "sigma_R": 0.01}, "standard errors are sigma"),
         ({"angle_deg": [10, 20]}, "no values"),
         ({"angle_deg": [10, 20], "R_s": np.nan}, "no measured value"),
@@ -97,13 +103,20 @@ def test_a_measurement_cannot_be_written_to() -> None:
         m.where(m.quantity == "R_s").angle_deg[0] = 5.0
 
 
+def test_the_far_infrared_has_its_unit() -> None:
+    waves = [150.0, 1000.0]
+    far = Measurement.from_columns(10, waves, R=0.1, wavelength_unit="um")
+    assert far.wavelength_um.tolist() == waves
+    assert Measurement.from_columns(10, [5.0, 150.0], R=0.1).wavelength_um.tolist() == [5.0, 150.0]
+
+
 def test_the_wavelengths_of_a_table_are_in_one_unit() -> None:
     """Micrometres were taken for nanometres where a column of these was there too."""
     table = {"angle_deg": [10, 20], "wavelength_nm": [400.0, 500.0], "R": [0.1, 0.2]}
-    assert Measurement.from_dataframe(table).wavelength_um.tolist() == [0.4, 0.5]
+    assert read_csv(table).wavelength_um.tolist() == [0.4, 0.5]
     with pytest.raises(MeasurementError, match="gives wavelengths, and wavelength_um=0.6 came"):
-        Measurement.from_dataframe(table, wavelength_um=0.6)
+        read_csv(table, wavelength_um=0.6)
     with pytest.raises(MeasurementError, match="'wavelength_nm' and .* 'wavelength_um' both"):
-        Measurement.from_dataframe({**table, "wavelength_um": [0.4, 0.5]})
+        read_csv({**table, "wavelength_um": [0.4, 0.5]})
     with pytest.raises(MeasurementError, match="table with named columns was wanted"):
-        Measurement.from_dataframe([0.1])  # type: ignore[arg-type]
+        read_csv([0.1])  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting import Measurement, MeasurementError, fit_many
+from fitting import Measurement, MeasurementError, fit_many, read_csv
 from fitting.samples.material_files import MaterialFileError, read_material
 from tests.truth.reading import read, refusal
 
@@ -188,7 +188,7 @@ def test_masked_is_missing() -> None:
     assert m.angle_deg.tolist() == [10.0, 30.0] and m.value.tolist() == [0.1, 0.3]
     counts = np.ma.array([1, 0, 0], mask=[False, True, False])
     assert Measurement.from_columns([1, 2, 3], R=counts).value.tolist() == [1.0, 0.0]
-    assert len(Measurement.from_dataframe({"angle_deg": [10, 20, 30], "R_s": R})) == 2
+    assert len(read_csv({"angle_deg": [10, 20, 30], "R_s": R})) == 2
     angles = np.array([20.0, 40.0, 60.0, 80.0])
     curve = np.array([0.05, 0.08, 0.18, 0.55])
     gap = np.where(angles == 60.0, np.nan, curve)
@@ -210,10 +210,10 @@ class Frame:
 
 def test_frames_without_keys_and_with_columns_that_are_not_read() -> None:
     table = dict(angle_deg=[10, 20, 30], R=[0.1, 0.2, 0.3], row=[0, 1, 2], site=["x", "x", "x"])
-    assert len(Measurement.from_dataframe(Frame(**table))) == 3
+    assert len(read_csv(Frame(**table))) == 3
     with pytest.raises(MeasurementError, match='column spot: .* say ignore="spot"'):
-        Measurement.from_dataframe(Frame(**table, spot=["a", "b", "a"]))
-    assert len(Measurement.from_dataframe({**table, "spot": ["a", "b", "a"]}, ignore="spot")) == 3
+        read_csv(Frame(**table, spot=["a", "b", "a"]))
+    assert len(read_csv({**table, "spot": ["a", "b", "a"]}, ignore="spot")) == 3
 
 
 def test_what_r_writes(tmp_path: Path) -> None:
