@@ -394,7 +394,6 @@ def findings_of_all(
     known = {n: e for n, e in found.parameters.items() if e.free}
     status, dof, rms = np.asarray(found.status), np.asarray(found.dof), np.asarray(found.rms)
     ok, failed = np.isin(status, (CONVERGED, UNDETERMINED)), status == NOT_CONVERGED
-    size = {"n_data": found.n_data, "rms": found.rms}
     stated, taken = found.errors.stated, found.errors.taken
     large, small = beyond_chance(reduced, dof)
     unseen = list(unseen)
@@ -402,7 +401,8 @@ def findings_of_all(
     own_starts = not found.shape and not (found.sample is not None and found.sample.by_wavelength)
     more = 4 * found.starts * own_starts
     as_it_is = not found.shape and not any(_bare(name) in INSTRUMENT for name in known)
-    measured = tuple(found.rms_of) if as_it_is and found.sample is not None else ()
+    m = found.measurement if as_it_is and found.sample is not None else None
+    measured = () if m is None else (*found.rms_of, *np.unique(m.quantity).tolist())
     few = ok & (np.asarray(found.n_data) < len(known)) & (status == UNDETERMINED)
     chi2 = {
         "chi2_reduced": reduced, "factor": np.sqrt(reduced),
@@ -411,7 +411,7 @@ def findings_of_all(
     }  # fmt: skip
     told: list[tuple[Any, ...]] = [
         ("not_converged", failed & np.logical_not(missed), {"more": more}),
-        ("misses_without_freedom", failed & missed, size),
+        ("misses_without_freedom", failed & missed, {"n_data": found.n_data, "rms": found.rms}),
         *(
             ("not_seen", ok & at, {"parameters": names, "hold": _held(known, names)})
             for at, names in unseen

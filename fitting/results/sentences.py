@@ -219,9 +219,9 @@ TRY: dict[str, wording.Tries | Callable[[Mapping[str, Any]], wording.Tries]] = {
 
 
 def keywords(option: str) -> str:
-    """Return the arguments of `fit` (of `read_csv`: sigma) that options of the command stand for.
+    """Return the arguments that options stand for: ``--fix k=0`` is ``fixed={"k": 0}``.
 
-    ``--fix k=0`` is ``fixed={"k": 0}``.
+    They are those of `fit`; sigma and delta_range are of `read_csv`.
     """
     out = []
     for text in f" {option}".split(" --")[1:]:
@@ -233,7 +233,7 @@ def keywords(option: str) -> str:
             value = each[0] if len(each) == 1 else f"({', '.join(each)})"
             out.append(f'{kind}={{"{name}": {value}}}')
         else:
-            text = value.strip("'")
+            text, flag = value.strip("'"), flag.replace("-", "_")
             out.append(f"{flag}={text}" if flag in ("starts", "sigma") else f'{flag}="{text}"')
     return ", ".join(out)
 

@@ -79,13 +79,14 @@ def to_the_other(v: Mapping[str, Any]) -> Tries:
 _LEAK = ("The polarizer may leak:", "--free leak")
 _ANGLES = ("The angles may be off:", "--free angle_offset")
 _SCALE = ("The scale may be off:", "--free scale")
+_FOLDED = ("Delta of a rotating analyzer may be 360 - Delta:", "--delta-range 180")
 
 
 def instrument_errors(v: Mapping[str, Any]) -> Tries:
     """Return which error of the instrument may be the cause, by what was measured."""
     measured = v.get("measured") or ()
     if "NCS" in measured:
-        return (_ANGLES,)
+        return (_ANGLES, _FOLDED) if "delta" in measured else (_ANGLES,)
     polarized = {"R_s", "R_p", "T_s", "T_p"} & {*measured}
     return (_LEAK if polarized else _SCALE,) if measured else ()
 

@@ -157,6 +157,17 @@ def test_missing_errors_can_be_given_as_the_warning_says(tmp_path):
     assert cli.main([*map(str, files), "--sigma", "0.002", "--quiet"]) in (0, 1)
 
 
+def test_a_misfit_of_delta_says_how_to_read_it_folded(tmp_path):
+    """Of fewer than 20 wavelengths the reader does not see whether Delta is folded."""
+    told = Warning("does_not_describe", {}, {"measured": ("NCS", "delta", "psi")}).advice
+    assert '--delta-range 180 (in Python: delta_range="180")' in told
+    folded = Warning("does_not_describe", {}, {"measured": ("NCS", "delta_folded")}).advice
+    assert "delta" not in folded
+    file = tmp_path / "scan.csv"
+    file.write_text("wavelength_nm,psi,delta\n400,30,170\n500,25,179\n600,20,165\n")
+    assert {*read_csv(file, angle_deg=70, delta_range="180").quantity} == {"psi", "delta_folded"}
+
+
 @pytest.mark.parametrize("dof", [1, 2, 5, 20])
 def test_few_right_fits_hear_that_their_errors_look_too_large(dof):
     chi2 = np.random.default_rng(1).chisquare(dof, 100_000)
