@@ -95,26 +95,12 @@ def axis_of(m: Measurement) -> np.ndarray:
     return m.wavelength_um if over_wavelength(m) else m.angle_deg
 
 
-def _look(quantity: str, polarizer: float, place: int) -> tuple[Look, str]:
-    """Return how a kind of datum is drawn, and its label; ``place``: of so many of its quantity."""
-    color, marker, hollow, label = TABLE[quantity][3:7]
-    if polarizer >= 0.0:
-        from matplotlib import colormaps
-        from matplotlib.colors import to_hex
-
-        color, marker = to_hex(colormaps["cividis"](polarizer / 90.0)), "P"
-        label = rf"{label or quantity}, polarizer at {polarizer:g}$\degree$"
-    if place:  # a second file with the same quantity
-        other = TABLE[POWERS[(place + 2) % len(POWERS)]]
-        color, marker = other.color, other.marker
-    return (color, marker, hollow), label or quantity
-
-
 def lines_of(m: Measurement, curve: np.ndarray | None = None, names: Any = ()) -> list[Line]:
     """Return what is drawn as one line each: a quantity, over the wavelength at one angle.
 
     curve: (N,) which of ``names`` (a quantity of a file) each datum is of; None for one file.
     """
+    from matplotlib import colormaps
     from matplotlib.colors import to_hex, to_rgb
 
     waves, out = over_wavelength(m), []
@@ -123,13 +109,20 @@ def lines_of(m: Measurement, curve: np.ndarray | None = None, names: Any = ()) -
     kinds = dict.fromkeys(
         zip(of_file.tolist(), m.quantity.tolist(), polarizers.tolist(), strict=True)
     )
-    seen: dict[str, int] = {}
+    seen: list[str] = []
     for number, quantity, polarizer in kinds:
         of = (of_file == number) & (m.quantity == quantity) & (polarizers == polarizer)
-        name = visible(names[number].replace("NCS", quantity)) if names else ""
-        look, label = _look(quantity, polarizer, seen.get(quantity, 0) if name else 0)
-        seen[quantity] = seen.get(quantity, 0) + 1
-        label = f"{label} {name}".replace("$ ", "$, ") if name else label
+        color, marker, hollow, label = TABLE[quantity][3:7]
+        if polarizer >= 0.0:
+            color, marker = to_hex(colormaps["cividis"](polarizer / 90.0)), "P"
+            label = rf"{label or quantity}, polarizer at {polarizer:g}$\degree$"
+        if names:
+            name = visible(names[number].replace("NCS", quantity))
+            label = f"{label or quantity} {name}".replace("$ ", "$, ")
+            if place := seen.count(quantity):  # a second file with the same quantity
+                other = TABLE[POWERS[(place + 2) % len(POWERS)]]
+                color, marker = other.color, other.marker
+        seen.append(quantity)
         angles = np.unique(m.angle_deg[of]).tolist() if waves else [math.nan]
         groups = -(-len(angles) // _TOGETHER) if len(angles) <= _MOST else 1
         each = np.array_split(np.arange(len(angles)), groups)
@@ -138,17 +131,17 @@ def lines_of(m: Measurement, curve: np.ndarray | None = None, names: Any = ()) -
             for i, angle in enumerate(angles[j] for j in some):
                 rows = np.flatnonzero(of & (m.angle_deg == angle) if waves else of)
                 rows = rows[np.argsort(axis_of(m)[rows], kind="stable")]
-                shade, text = look[0], label
+                shade, text = color, label or quantity
                 if i < last:  # paler for a small angle
-                    paler = 1.0 - (1.0 - np.array(to_rgb(look[0]))) * (0.4 + 0.6 * i / last)
+                    paler = 1.0 - (1.0 - np.array(to_rgb(color))) * (0.4 + 0.6 * i / last)
                     shade = to_hex(paler.tolist())  # pyright: ignore[reportArgumentType]
                 if len(angles) > _MOST:
-                    text = f"{label}, {angles[0]:g} to {angles[-1]:g}$\\degree$\n(darker: larger)"
+                    text = f"{text}, {angles[0]:g} to {angles[-1]:g}$\\degree$\n(darker: larger)"
                     text = text if i == last else ""
                 elif waves and (len(angles) > 1 or angle > 0.0):
-                    text = rf"{label}, {angle:g}$\degree$"
+                    text = rf"{text}, {angle:g}$\degree$"
                 kind = quantity if quantity in PANELS else "power"
-                out.append(Line(rows, (kind, group), (shade, *look[1:]), text))
+                out.append(Line(rows, (kind, group), (shade, marker, hollow), text))
     return out
 
 

@@ -9,11 +9,10 @@ from typing import NamedTuple, NoReturn
 from fitting.data.errors import refuse
 from fitting.data.quantities import POLARIZED, POWER_LETTERS, QUANTITIES, STOKES
 from fitting.data.units import FORM_OF
-from fitting.reader.cells import is_missing, is_number, number_or_none, to_numbers
 from fitting.reader.names import Role, role_of
 from fitting.reader.options import Options
 from fitting.reader.remarks import light_of_cell
-from fitting.reader.table import Table
+from fitting.reader.table import Table, is_missing, is_number, number_or_none, to_numbers
 
 # words by which a column shows that rows are means or deviations of other rows; Accurion EP3 and
 # EP4 write the mean of the zones as zone 0, their deviation as zone 5

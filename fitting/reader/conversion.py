@@ -34,7 +34,6 @@ from fitting.data.units import (
     wavelength_um,
 )
 from fitting.reader import instruments
-from fitting.reader.cells import is_missing, is_number, number_or_none, to_numbers
 from fitting.reader.columns import Column, Layout, choose_columns
 from fitting.reader.names import Role
 from fitting.reader.options import Options
@@ -47,7 +46,14 @@ from fitting.reader.remarks import (
     statements,
     without,
 )
-from fitting.reader.table import Table, read_table
+from fitting.reader.table import (
+    Table,
+    is_missing,
+    is_number,
+    number_or_none,
+    read_table,
+    to_numbers,
+)
 from fitting.reader.text import STDIN, Lines, read_lines
 
 # What makes a file of an instrument a plain table; each returns None for a file of another kind.

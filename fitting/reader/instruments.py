@@ -16,7 +16,7 @@ from itertools import chain
 
 from fitting.data.errors import refuse
 from fitting.data.units import FORM_OF
-from fitting.reader.vocabulary import unit_of
+from fitting.reader.names import unit_of
 
 Plain = tuple[list[tuple[int, str]], list[str]] | None
 

@@ -1,25 +1,105 @@
-"""What one header name says of its column: role, quantity and unit, or nothing understood."""
+"""What one header name says of its column: role, quantity and unit, or nothing understood.
+
+First the words of measured files: every name of an angle, a polarization, a unit, a quantity, an
+axis. One list, ``vocabulary.ini``, serves headers, comments, metadata and file names.
+"""
 
 from __future__ import annotations
 
+import configparser
 import re
+import unicodedata
 from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
-from fitting.data.quantities import POWER_LETTERS, QUANTITIES, TABLE
+from fitting.data.quantities import POWER_LETTERS, POWERS, QUANTITIES, TABLE
 from fitting.data.units import FORM_OF
-from fitting.reader.vocabulary import (
-    ALONE,
-    CONCEPT,
-    LETTERS,
-    LONGEST,
-    OTHER_POWER,
-    UNITS,
-    UNITS_BEHIND_WORDS,
-    cased,
-    spelled,
-    unit_of,
+
+LONGEST = 200  # letters of a column's name; what is longer is a text
+_FILE = configparser.ConfigParser(delimiters=("=",), interpolation=None)
+_FILE.optionxform = str  # type: ignore[assignment, method-assign]
+_FILE.read(Path(__file__).with_name("vocabulary.ini"), encoding="utf-8")
+# for concept, unit, root and signs what each word is
+_WORDS = {
+    kind: {word: name for name, words in _FILE[kind].items() for word in words.split()}
+    for kind in _FILE.sections()
+}
+_PHRASES = [(re.compile(f"(?i)(?<![^\\W_])(?:{p})"), word) for word, p in _FILE["phrase"].items()]
+CONCEPT, UNITS = _WORDS["concept"], {unit.lower(): unit for unit in FORM_OF} | _WORDS["unit"]
+# what an unknown word speaks of if it holds one of these: compounds, scripts that part no words
+ROOTS = {w: c for w, c in CONCEPT.items() if not w.isascii() and len(w) > 1} | _WORDS["root"]
+LETTERS = frozenset("spu")
+ALONE = tuple(name for name in QUANTITIES if name not in POWERS)  # have no s and p of their own
+# absorbance, log10(1 / T), and absorption, which may mean it, can be no column of values
+OTHER_POWER = "absorbance"
+# letters that mean their power in a sentence too: as a small letter they are no word
+SPOKEN = tuple(letter for letter in POWER_LETTERS if letter.lower() not in CONCEPT)
+
+_TRANSLATION = str.maketrans(
+    _WORDS["sign"] | {sign: f" {word} " for sign, word in _WORDS["sign for a word"].items()}
 )
+
+
+def plain(text: str) -> str:
+    """Return ``text`` with Greek letters as words, typographic signs as ASCII ones, no accents.
+
+    What stands for nothing here (other scripts, primes, roots) stays, so that it can be refused.
+    """
+    if text.isascii():
+        return text
+    text = text.replace("\u00b0C", " celsius ").translate(_TRANSLATION)
+    signs = []
+    for sign in unicodedata.normalize("NFC", text):
+        parts = unicodedata.normalize("NFKD", sign)
+        bare = "".join(part for part in parts if not unicodedata.combining(part))
+        signs.append(bare if sign.isalpha() and bare.isascii() else sign)
+    return "".join(signs)
+
+
+# 0/45, d/8, 45:0: the angles of the light and of the detector
+_GEOMETRY = re.compile(r"(?i)(?<![\w/.:-])(di?|0|8|45)\s?(?:deg)?[/:](di?|0|8|45)(?![\w/.:-])")
+# R x100, R*1000; not the sides of a sample, 10 x 100 mm
+_TIMES = re.compile(
+    r"(?i)(?:(?<![\w.])(?<![0-9]\s)x\s?|(?<![0-9.])(?<![0-9]\s)\*\s?)(?=10+(?![\w.]))"
+)
+
+
+def spelled(text: str) -> str:
+    """Return ``plain`` text with names of several parts as one word: 2 theta, wave length."""
+    text = re.sub(r"(?i)\b[dl]'(?=\w)", "", plain(text))  # angle d'incidence
+    text = re.sub(r"@\s*(?=[0-9])", " angle ", text)  # R@60
+    text = _GEOMETRY.sub(r" geometry \1 \2 ", text.replace("+/-", " error "))
+    text = _TIMES.sub(" times ", text)
+    for pattern, word in _PHRASES:
+        text = pattern.sub(word, text)
+    return text
+
+
+def light_of(word: str) -> str:
+    """Return "s", "p" or "u" of a word for one polarization, "" of any other."""
+    concept = CONCEPT.get(word, "")
+    return concept if concept in LETTERS else ""
+
+
+def unit_of(text: str) -> str | None:
+    """Return the unit that ``text`` spells (a key such as nm, deg, percent), or None."""
+    if len(text) > 40:
+        return None
+    word = re.sub(r"\s+", "_", plain(text).strip().strip("[](){}").strip().lower())
+    return UNITS.get(word)
+
+
+STRONG_UNITS = frozenset(_FILE["units"]["anywhere"].split())
+UNITS_BEHIND_WORDS = STRONG_UNITS.union(FORM_OF)  # that are one behind a name
+
+
+def cased(word: str) -> list[str]:
+    """Return a word taken apart where small letters end and capitals begin: angleOfIncidence."""
+    if word.isupper() or not (word.isascii() and word.isalpha()):
+        return [word]
+    return re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", word) or [word]
+
 
 _INDEX = ("n", "k")
 _ASIDE = {"raw", "setting"}  # concepts of columns that a fit has no use for
@@ -48,15 +128,6 @@ _SYMBOLS = {
 }  # fmt: skip
 # units that name an axis alone; k (1/um) may be 1 / wavelength or 2 pi / wavelength
 _AXIS_UNITS = tuple(unit for unit in FORM_OF if unit not in ("mm", "keV"))
-# why a column with a word of this concept cannot be used
-_WHY = {
-    "doubled": "it is twice a grazing angle",
-    "some angle": "it may be the angle of incidence or another one",
-    "raw": "it is a raw signal, not a ratio to the direct beam",
-    "setting": "it is a setting of a null ellipsometer",
-    "no incidence": "it is no angle of incidence",
-    OTHER_POWER: "it is an absorbance, log10(1 / T), or an absorption",
-}
 # names glued of a quantity and its polarization; T in capitals only (tp, ts are times as well), and
 # no plural (reflectances)
 _ANY_LETTER = "|".join(POWER_LETTERS)
@@ -82,19 +153,15 @@ _NO_SIGNS = re.compile(r"[\w\s.,:;()\[\]{}\-]*")
 
 
 class Role(NamedTuple):
-    """What a column is: angle, wavelength, polarization, polarizer, value, sigma, index, aside,
-    unclear or "".
+    """What a column is: angle, wavelength, polarization, polarizer, value, sigma, index (n or k of a
+    material), aside (of no use to a fit: raw signals, errors of an axis), unclear or "".
 
-    index is n or k of a material; aside is what a fit has no use for: raw signals, errors of an
-    axis, settings of an ellipsometer.
-    quantity: for value, index and sigma, a name of QUANTITIES, n or k; for sigma also "_s" and
-        "_p", or "" where the name does not say of what; for kind "", one that the name mentions.
-    form: of an angle incidence, grazing or q; of a wavelength the word that names it
-        (wavelength, energy, wavenumber, frequency).
-    unit: a key of :mod:`fitting.reader.vocabulary`, "" where the name gives none.
+    quantity: a name of QUANTITIES, n or k; for sigma also "_s" and "_p", or "" where the name does
+        not say of what; for kind "", one that the name mentions.
+    form: of an angle incidence, grazing or q; of a wavelength that, energy, wavenumber, frequency.
+    unit: a key of `UNITS`, "" where the name gives none.
     at: for value and sigma, the angle of incidence in degrees that the name gives, else None.
-    why: for index, aside and "", why the column is not fitted, if known; for unclear, both
-        readings.
+    why: why the column is not fitted, if known; for unclear, both readings.
     """
 
     kind: str
@@ -232,7 +299,7 @@ def role_of(name: str, unit: str = "") -> Role:
         return axis
     if found := _optical(optical, unit, error):
         return found
-    why = next((_WHY[concept] for concept in _WHY if concept in said), "")
+    why = next((why for concept, why in _FILE["why"].items() if concept in said), "")
     words = {CONCEPT.get(token, UNITS.get(token, token)) for token in map(str.lower, tokens)}
     if words & _ASIDE and words <= _ASIDE | {"error", "of errors", "filler", "arb"}:
         return Role("aside", unit=unit, why=why)

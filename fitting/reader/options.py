@@ -9,13 +9,13 @@ from typing import Any, NamedTuple, NoReturn
 from fitting.data.errors import refuse
 from fitting.data.quantities import QUANTITIES
 from fitting.data.units import ANGLE_UNITS, WAVELENGTH_UNITS
-from fitting.reader.cells import DELIMITERS
-from fitting.reader.vocabulary import light_of, plain
+from fitting.reader.names import light_of, plain
 
 ROLES = (
     "angle", "wavelength", "polarization", "polarizer", *QUANTITIES,
     *("sigma_" + quantity for quantity in QUANTITIES),
 )  # fmt: skip
+DELIMITERS = {"tab": "\t", "semicolon": ";", "comma": ",", "pipe": "|", "blank": " "}
 POLARIZER_FROM = ("angle-from-p", "angle-from-s")
 # the numbers that an option may be, in words if they have no end
 _RANGES = {

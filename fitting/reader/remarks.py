@@ -15,8 +15,7 @@ import numpy as np
 
 from fitting.data.quantities import POWER_LETTERS
 from fitting.data.units import WAVELENGTH_UNITS, incidence_deg, wavelength_um
-from fitting.reader.options import Options
-from fitting.reader.vocabulary import (
+from fitting.reader.names import (
     ALONE,
     CONCEPT,
     LETTERS,
@@ -31,6 +30,7 @@ from fitting.reader.vocabulary import (
     spelled,
     unit_of,
 )
+from fitting.reader.options import Options
 
 # kind of statement -> what it gives, the option that overrules it, and the fields of that option
 OPTION = {

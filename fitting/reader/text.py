@@ -17,7 +17,7 @@ import numpy as np
 from fitting.data.checks import unmasked
 from fitting.data.errors import MeasurementError, MissingExtra, refuse
 from fitting.process.visible import visible
-from fitting.reader.cells import is_number
+from fitting.reader.table import is_number
 
 # Some 400,000 rows, which take 5 s and, as cells of text, 35 times the memory of the file.
 MAX_BYTES = 10_000_000

@@ -17,13 +17,12 @@ import numpy as np
 
 from fitting.data.errors import MeasurementError, for_command, named, refuse
 from fitting.data.units import span_of
-from fitting.reader.cells import looks_like_data, split_cells
 from fitting.reader.columns import Column, Layout, left_out, roles_of
 from fitting.reader.conversion import Reading, wavelengths
 from fitting.reader.names import role_of
 from fitting.reader.options import Options
 from fitting.reader.remarks import evidence
-from fitting.reader.table import Table, read_table, uncomment
+from fitting.reader.table import Table, looks_like_data, read_table, split_cells, uncomment
 from fitting.reader.text import read_lines
 from fresnel_jax.dispersion import Material, material_from_tables, material_from_yaml
 
