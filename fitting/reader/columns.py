@@ -203,9 +203,8 @@ def left_out(
         cells = table.cells(index)
         numbers, count = [*map(number_or_none, cells)], len(cells)
         if count > 2 and numbers in ([*range(count)], [*range(1, count + 1)]):
-            harmless = (
-                len({tuple(row[i] for i in axes) for row in table.rows}) > 1
-            )  # no axis itself
+            # which is not the axis itself
+            harmless = len({tuple(row[i] for i in axes) for row in table.rows}) > 1
         else:
             means = role.quantity or light_of_cell(cells[0]) or role_of(cells[0]).quantity
             same = len({c if x is None else x for c, x in zip(cells, numbers, strict=True)}) == 1
@@ -222,11 +221,7 @@ def left_out(
 
 
 def choose_columns(table: Table, options: Options) -> Layout:
-    """Return the columns to be read, as the option ``columns`` or else the header says.
-
-    Refuses a file where two columns claim one role, none holds a value, or rows are
-    statistics of other rows.
-    """
+    """Return the columns to be read, as the option ``columns`` or else the header says."""
     roles = roles_of(table)
     filled = [
         i for i in table.filled if not {table.names[i].lower(), str(i + 1)} & set(options.ignore)
@@ -275,5 +270,5 @@ def choose_columns(table: Table, options: Options) -> Layout:
             )
     rest = {} if options.columns else {i: roles[i] for i in filled if i not in used}
     unused = [table.label(i) for i in table.filled if i not in used]
-    lost = left_out(table, rest, axes)
-    return Layout(**single, values=values, sigmas=sigmas, unused=unused, left_out=lost)
+    return Layout(**single, values=values, sigmas=sigmas, unused=unused,
+                  left_out=left_out(table, rest, axes))  # fmt: skip

@@ -15,14 +15,7 @@ import numpy as np
 
 from fitting.data.checks import Data
 from fitting.data.errors import refuse
-from fitting.data.quantities import (
-    NAME,
-    POLARIZED,
-    POWER_LETTERS,
-    POWERS,
-    are_powers,
-    letter_of,
-)
+from fitting.data.quantities import NAME, POLARIZED, POWER_LETTERS, POWERS, are_powers, letter_of
 from fitting.data.units import (
     FORM_OF,
     Q_UNITS,
@@ -58,11 +51,8 @@ from fitting.reader.text import STDIN, Lines, read_lines
 
 # What makes a file of an instrument a plain table; each returns None for a file of another kind.
 FORMATS: tuple[Callable, ...] = (
-    instruments.film_sense,
-    instruments.jcamp,
-    instruments.perkin_elmer,
-    instruments.spectraray,
-)
+    instruments.film_sense, instruments.jcamp, instruments.perkin_elmer, instruments.spectraray,
+)  # fmt: skip
 
 
 class Reading(NamedTuple):
@@ -98,10 +88,7 @@ class Reading(NamedTuple):
         return np.where(np.isin(numbers, values), np.nan, numbers), sign
 
     def one(self, kind: str) -> Said | None:
-        """Return the one thing that is said of ``kind`` beside the table, None where nothing is.
-
-        Refuses a file where it is not understood, or two places contradict one another.
-        """
+        """Return the one thing that is said of ``kind`` beside the table, None where nothing is."""
         chosen = [said for said in self.said if said.kind == kind]
         clear = [said for said in chosen if said.value is not None]
         gives, option, _ = OPTION[kind]
@@ -131,18 +118,14 @@ class Reading(NamedTuple):
             values = said.numbers if said.value is None else (said.value,)
             if said.kind == kind and any(map(is_other, values)):
                 gives, option, _ = OPTION[kind]
-                self.refuse(
-                    column,
-                    f"{came}, but {said.where} ({said.text!r}) states {gives} differently. If the "
-                    f"column is right, name all columns to be read with --columns; else say "
-                    f"{option}.",
-                )
+                came += f", but {said.where} ({said.text!r}) states {gives} differently. If the"
+                advice = " column is right, name all columns to be read with --columns; else say "
+                self.refuse(column, f"{came}{advice}{option}.")
 
     def unit(self, kind: str, column: Column, option: str, what: str) -> str:
         """Return the unit of a column: of the option, the header, or a line beside; else "".
 
         kind: the kind of statement. what: the numbers, for the sentence on how they were read.
-        Refuses a file where the header and a line say different things.
         """
         if option:
             return option
@@ -169,10 +152,7 @@ _ANGULAR = re.compile(
 
 
 def wavelengths(reading: Reading) -> np.ndarray:
-    """Return the wavelength of each row in micrometres, NaN where none is known.
-
-    Refuses a file where the unit is open, or the name, the unit and the numbers disagree.
-    """
+    """Return the wavelength of each row in micrometres, NaN where none is known."""
     column, given = reading.layout.wavelength, reading.options.wavelength_um
     if column is None:
         if given is None and (beside := reading.one("wavelength")):
@@ -201,9 +181,8 @@ def wavelengths(reading: Reading) -> np.ndarray:
 def _angles_without_column(reading: Reading) -> np.ndarray:
     """Return one angle for all rows, normal incidence where nothing speaks of another."""
     table, layout, options, _, notes = reading
-    angle = options.angle_deg
-    if angle is None and any(value.role.at is not None for value in layout.values):
-        angle = np.nan  # each column has its own
+    own = any(value.role.at is not None for value in layout.values)
+    angle = np.nan if options.angle_deg is None and own else options.angle_deg
     if angle is None and (beside := reading.one("angle")):
         angle = float(beside.value or 0.0)
         notes.append(f"angle of incidence {angle:g} degrees ({beside.where}; --angle-deg)")
@@ -225,7 +204,6 @@ def angles(reading: Reading, wavelength: np.ndarray) -> np.ndarray:
     """Return the angle of incidence of each row in degrees.
 
     A spectrum of R or T without an angle is taken at normal incidence, where s and p are one.
-    Refuses a file where the unit is open or contradicts the numbers, or no angle is known.
     """
     column, options = reading.layout.angle, reading.options
     if column is None:
@@ -326,7 +304,6 @@ def light_of_rows(reading: Reading, oblique: bool) -> np.ndarray:
 
     It is the angle of the field from the plane of incidence, as in `FIELD_DEG`; NaN: not said.
     oblique: whether any angle is not 0, where s and p are one.
-    Refuses a file where two facts disagree, or a code has two readings.
     """
     layout, options = reading.layout, reading.options
     column, letter = layout.polarizer or layout.polarization, options.light
@@ -372,7 +349,6 @@ def psi_delta_unit(reading: Reading, columns: dict[int, np.ndarray]) -> dict[int
     """Return deg or rad for each column of psi and delta, by the option, the header, or the range.
 
     columns: numbers by the index of the column.
-    Refuses a file where the header contradicts the numbers, or neither tells.
     """
     given = reading.options.psi_unit
     chosen = [v for v in reading.layout.values if v.role.quantity in _LIMITS]
@@ -438,7 +414,6 @@ def standard_errors(
     """Return the standard errors of one value in the unit of the result, NaN without a column.
 
     unit: of psi and delta. factor: what makes the values fractions.
-    Refuses a file where the unit is another than that of the values, or may be.
     """
     if column is None:
         return np.full(len(reading.table.rows), np.nan)
@@ -526,11 +501,10 @@ class LongColumns(NamedTuple):
 
 
 def _refuse_code(reading: Reading, value: Column, row: int, code: str, came: str) -> None:
-    """Raise because a number may stand for 'not measured', unless an option says that none does."""
-    if "none" not in reading.options.missing:
-        flag = f"--missing{'=' if code[0] == '-' else ' '}{code}"
-        text = f"{came}. Say {flag} if that stands for 'not measured', --missing none if it was "
-        reading.refuse(value, text + "measured.", row)
+    """Raise because a number may stand for 'not measured'."""
+    flag = f"--missing{'=' if code[0] == '-' else ' '}{code}"
+    text = f"{came}. Say {flag} if that stands for 'not measured', --missing none if it was "
+    reading.refuse(value, text + "measured.", row)
 
 
 def _refuse_placeholders(reading: Reading, numbers: dict[int, np.ndarray]) -> None:
@@ -543,7 +517,7 @@ def _refuse_placeholders(reading: Reading, numbers: dict[int, np.ndarray]) -> No
         text = "every number equals that of psi, which no surface gives. Name the right column with"
         reading.refuse(by_name["delta"], text + " --columns delta=..., or correct the file.")
     dark = np.flatnonzero((psi == 0.0) & (delta == 0.0))
-    if len(dark) and np.any((psi != 0.0) & ~np.isnan(psi)):
+    if len(dark) and np.nan_to_num(psi).any() and "none" not in reading.options.missing:
         _refuse_code(reading, by_name["psi"], int(dark[0]), "0", "psi and Delta are both 0")
 
 
@@ -706,7 +680,7 @@ def long_columns(source: Any, options: Options) -> LongColumns:
                     came += "(--wavelength-um)"
                 advice = ". Correct it, or leave the line out with --lines A-B."
                 reading.refuse(column, came + advice, i)
-        if power:
+        if power and "none" not in options.missing:
             _refuse_zeros(reading, value, raw, name)
         kept = np.flatnonzero(~np.isnan(raw))
         columns = (angle, wavelength, name, converted, sigma, polarizer, reference)

@@ -153,8 +153,8 @@ _NO_SIGNS = re.compile(r"[\w\s.,:;()\[\]{}\-]*")
 
 
 class Role(NamedTuple):
-    """What a column is: angle, wavelength, polarization, polarizer, value, sigma, index (n or k of a
-    material), aside (of no use to a fit: raw signals, errors of an axis), unclear or "".
+    """What a column is: angle, wavelength, polarization, polarizer, value, sigma, index (of a
+    material: n, k), aside (of no use to a fit: raw signals, errors of an axis), unclear or "".
 
     quantity: a name of QUANTITIES, n or k; for sigma also "_s" and "_p", or "" where the name does
         not say of what; for kind "", one that the name mentions.

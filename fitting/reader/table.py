@@ -356,10 +356,7 @@ def _refuse_strays(before: Lines, header: int, delimiter: str, count: int) -> No
 def _body(
     lines: Lines, delimiter: str, count: int, header: str
 ) -> tuple[list[list[str]], list[int], list[tuple[int, str]], list[str]]:
-    """Return rows of ``count`` cells, their lines, the remarks between and below them, and notes.
-
-    The notes say what was left out.
-    """
+    """Return rows of ``count`` cells, their lines, the remarks beside, and what was left out."""
     rows: list[list[str]] = []
     numbers: list[int] = []
     remarks: list[tuple[int, str]] = []
@@ -405,10 +402,7 @@ def _body(
 
 
 def read_table(numbered: Lines, options: Options) -> Table:
-    """Return the table of numbers in the lines of one file, each with its number.
-
-    Refuses a file where no table is found, or a line may be part of it or not.
-    """
+    """Return the table of numbers in the lines of one file, each with its number."""
     first, last = options.lines
     inside = [(line, text) for line, text in numbered if first <= line <= last]
     mark, count = guess_delimiter([text for _, text in inside], options.delimiter)
