@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from fitting.data.checks import checked, hint_for
+from fitting.data.checks import EXCURSION, checked
 from fitting.data.errors import named, place, refuse
 from fitting.data.measurement import Measurement, frozen
+from fitting.data.quantities import ANGLES, POWERS, letter_of
 from fitting.reader.conversion import long_columns
 from fitting.reader.options import parse_options
 from fitting.reader.text import source_of
@@ -133,6 +134,7 @@ def read_csv(
                     )
             long = long.by(times_reflectance(long.data, ratio_to))
         data = long.data
+        # of the values: counts are larger than percent
         typical = float(np.median(np.abs(data.value))) if len(data.value) else 0.0
 
         def where(i: int, role: str) -> str:
@@ -141,10 +143,32 @@ def read_csv(
             return place(source, line, columns.get(role, ""))
 
         def hint(i: int) -> str:
-            line, scaled = long.places[i][0], options.scale is not None
-            text = hint_for(float(data.value[i]), data.quantity[i], line, scaled, typical)
-            came = "" if raw is data.value else f"Without the reference it is {raw[i]:.6g}. "
-            return came + text
+            """Return what to do about a value that lies outside its range."""
+            value, quantity, line = float(data.value[i]), data.quantity[i], long.places[i][0]
+            leave = f"If the row is no measurement, mark line {line} with # or leave it out with "
+            leave += "--lines A-B."
+            if quantity in ANGLES:
+                return "If it is not in degrees, say --psi-unit rad. " + leave
+            if quantity not in POWERS:
+                return leave
+            text = "" if raw is data.value else f"Without the reference it is {raw[i]:.6g}. "
+            noise = ""
+            if -EXCURSION <= value <= 1.0 + EXCURSION:
+                noise = (
+                    f"If it is noise about {int(value > 0.5)}, give its standard deviation with "
+                )
+                noise += "--sigma. "
+            if value < 0.0 or options.scale is not None:
+                return text + noise + leave
+            if typical > 110.0:
+                text += "If these are counts or volts, divide them by those of the direct beam, "
+                return text + "with --divide-by FILE or --scale FACTOR. " + leave
+            text += "If the column is in percent, say --scale 0.01. "
+            if letter_of(quantity) == "R" and value <= 3.0:
+                text += (
+                    "If R is relative to a mirror or a wafer, name its material: --ratio-to Si. "
+                )
+            return text + noise
 
         data, said = checked(data, where, hint)
     return Measurement(*map(frozen, data), source=source, understood=long.understood + said)

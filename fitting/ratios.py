@@ -7,6 +7,8 @@ before values are checked, since counts and ratios are no powers.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fitting.data.checks import Data
@@ -22,18 +24,12 @@ _SAME = 1e-6
 _FRACTION, _NO_FRACTION = 1.5, 20.0
 
 
-def _refuse_no_powers(quantities: np.ndarray, reflected: bool, what: str) -> None:
-    """Refuse quantities that are not powers, or not reflectances.
-
-    reflected: whether only reflectances are allowed. what: the option, as it was given.
-    """
-    wanted = [q for q in POWERS if letter_of(q) == "R" or not reflected]
-    strange = [str(q) for q in np.unique(quantities) if q not in wanted]
-    if strange:
-        what_of = "reflectances" if reflected else "powers"
+def _refuse_others(quantities: np.ndarray, wanted: str, of: Sequence[str], what: str) -> None:
+    """Refuse quantities that are none ``of`` those wanted; what: the option, as it was given."""
+    for strange in [str(q) for q in np.unique(quantities) if q not in of][:1]:
         refuse(
-            f"{strange[0]} came with {what}, which is for {what_of} alone. Name the columns to be "
-            f"read with it (--columns angle=1,R=2), and read {strange[0]} without it."
+            f"{strange} came with {what}, which is for {wanted} alone. Name the columns to be "
+            f"read with it (--columns angle=1,R=2), and read {strange} without it."
         )
 
 
@@ -105,16 +101,13 @@ def divided(
     angles and wavelengths of the data, or, at the same angle (else at the same wavelength), a range
     that encloses them, in which it is interpolated by straight lines.
     name: of the reference scan. same_unit: whether an option states that both are in one unit.
-    Refuses a file where there is no counterpart, or no value to divide by.
     """
-    _refuse_no_powers(data.quantity, False, f"--divide-by {name}")
+    _refuse_others(data.quantity, "powers", POWERS, f"--divide-by {name}")
     rows = not isinstance(reference, Data)
     reference = data._replace(value=reference, sigma=data.sigma * np.nan) if rows else reference
-    for what, came, bad in (
-        ("value", reference.value, ~(np.isfinite(reference.value) & (reference.value > 0.0))),
-        ("standard error", reference.sigma, reference.sigma <= 0.0),
-    ):
-        for i in np.flatnonzero(bad)[:1]:
+    for what, came in (("value", reference.value), ("standard error", reference.sigma)):
+        unknown = np.isnan(came) & (what != "value")
+        for i in np.flatnonzero(~((np.isfinite(came) & (came > 0.0)) | unknown))[:1]:
             um = reference.wavelength_um[i]
             at_um = "" if np.isnan(um) else f", {um:.6g} um"
             refuse(
@@ -148,16 +141,16 @@ def times_reflectance(data: Data, ratio_to: object) -> tuple[Data, str]:
 
     ratio_to: the text of a sample without anything to be fitted. The reflectance is that at the
     angle, wavelength and polarization of each datum; for R_back the reference is in its place, too.
-    Refuses a sample with unknowns, and data that are not reflectances.
     """
-    _refuse_no_powers(data.quantity, True, f"--ratio-to {str(ratio_to)!r}")
+    reflectances = [q for q in POWERS if letter_of(q) == "R"]
+    _refuse_others(data.quantity, "reflectances", reflectances, f"--ratio-to {str(ratio_to)!r}")
     known = (data.angle_deg >= 0.0) & (data.angle_deg <= 90.0)
     known &= ~(data.wavelength_um <= 0.0) & ~np.isinf(data.wavelength_um)
     R = np.full(len(data.value), np.nan)  # the rest is refused with all other bad angles
     if known.any():
         R[known] = _reflectance(ratio_to, Data(*(column[known] for column in data)))
     some = R[known]
-    if some.size and not (some > 0.0).all():
+    if not (some > 0.0).all():
         refuse(
             f"the reference {ratio_to} reflects nothing at "
             f"{data.angle_deg[known][some <= 0.0][0]:.6g} degrees, so that a ratio to it is "

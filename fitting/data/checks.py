@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.data.errors import MeasurementError, refuse
-from fitting.data.quantities import ANGLES, POWER_LETTERS, POWERS, TABLE, are_powers, letter_of
+from fitting.data.quantities import ANGLES, POWER_LETTERS, TABLE, are_powers
 from fitting.data.scatter import robust_noise
 
 # A noisy R whose true value is 1 (or 0) lies beyond it half of the time, and dropping or clipping
@@ -61,35 +61,6 @@ def _noise(data: Data) -> np.ndarray:
         x, first = np.unique(axis[rows], return_index=True)
         noise[rows] = robust_noise(x, data.value[rows[first]])
     return noise
-
-
-def hint_for(value: float, quantity: str, line: int, scale_given: bool, typical: float) -> str:
-    """Return what to do about a value of a file that lies outside its range.
-
-    typical: the median size of the values, which distinguishes percent from counts.
-    """
-    leave = (
-        f"If the row is no measurement, mark line {line} with # or leave it out with --lines A-B."
-    )
-    if quantity in ANGLES:
-        return "If it is not in degrees, say --psi-unit rad. " + leave
-    if quantity not in POWERS:
-        return leave
-    noise = ""
-    if -EXCURSION <= value <= 1.0 + EXCURSION:
-        noise = f"If it is noise about {int(value > 0.5)}, give its standard deviation with "
-        noise += "--sigma. "
-    if value < 0.0 or scale_given:
-        return noise + leave
-    if typical > 110.0:
-        return (
-            "If these are counts or volts, divide them by those of the direct beam, with "
-            "--divide-by FILE or --scale FACTOR. " + leave
-        )
-    ratio = ""
-    if letter_of(quantity) == "R" and value <= 3.0:
-        ratio = "If R is relative to a mirror or a wafer, name its material: --ratio-to Si. "
-    return ("If the column is in percent, say --scale 0.01. " + ratio + noise).strip()
 
 
 @np.errstate(all="ignore")

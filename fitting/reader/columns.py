@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 from fitting.data.errors import refuse
 from fitting.data.quantities import POLARIZED, POWER_LETTERS, QUANTITIES, STOKES
@@ -43,41 +43,6 @@ class Layout(NamedTuple):
     sigmas: list[Column | None]
     unused: list[str]
     left_out: dict[int, str]
-
-    @property
-    def axes(self) -> tuple[Column | None, ...]:
-        """The columns of the angle, the wavelength and the polarization."""
-        return self.angle, self.wavelength, self.polarization, self.polarizer
-
-
-def _refuse_without_values(table: Table, roles: list[Role]) -> NoReturn:
-    filled = table.filled
-    listed = []
-    for i in filled[:8]:
-        cells = [cell for cell in table.cells(i) if is_number(cell)]
-        numbers, _ = to_numbers(cells, [0] * len(cells), table.decimal, str(i + 1))
-        span = f"{numbers.min():.4g} to {numbers.max():.4g}" if cells else "no numbers"
-        name = f" {table.names[i]!r}" if table.names[i] else ""
-        listed.append(f"{i + 1}{name}: {span}" + (f" ({roles[i].why})" if roles[i].why else ""))
-    x, y = filled[0] + 1, filled[1] + 1
-    advice = (
-        f"Say what they are, for example --columns angle={x},R={y} --angle-unit deg (or rad; for "
-        f"Q 1/angstrom, with --wavelength-um NUMBER) or --columns wavelength={x},R={y} "
-        "--wavelength-unit nm, with --scale 0.01 if R is in percent."
-    )
-    came = "no column is named as a reflectance, transmittance, psi or delta that can be fitted"
-    if not table.header:
-        came = f"the {len(filled)} columns have no names, since no line above them has "
-        came += f"{len(table.names)} names"
-        advice += " If the comma is the decimal mark too, write the file with semicolons."
-    elif all(roles[i].why or roles[i].kind for i in filled):
-        advice = (
-            "A table of R, R_s, R_p, T, psi or delta over the angle of incidence or the wavelength "
-            "was wanted. If a column holds one of these under another name, say which with "
-            "--columns. A raw signal is read as R or T in this way, if --divide-by names the scan "
-            "of the direct beam or a reference."
-        )
-    refuse(f"{came} ({'; '.join(listed)}). {advice}", table.top)
 
 
 def _explicit(table: Table, options: Options) -> list[Column]:
@@ -127,7 +92,7 @@ def roles_of(table: Table) -> list[Role]:
 
 
 def _implicit(table: Table, roles: list[Role], filled: list[int]) -> list[Column]:
-    """Return the columns whose names are understood."""
+    """Return the columns whose names are understood; refuse where none of them is a value."""
     for index in filled:
         role = roles[index]
         if role.kind == "unclear":
@@ -141,9 +106,34 @@ def _implicit(table: Table, roles: list[Role], filled: list[int]) -> list[Column
                 table.top,
                 table.names[index],
             )
-    if not any(roles[index].kind == "value" for index in filled):
-        _refuse_without_values(table, roles)
-    return [Column(i, table.label(i), roles[i]) for i in filled if roles[i].kind]
+    if any(roles[index].kind == "value" for index in filled):
+        return [Column(i, table.label(i), roles[i]) for i in filled if roles[i].kind]
+    listed = []
+    for i in table.filled[:8]:
+        cells = [cell for cell in table.cells(i) if is_number(cell)]
+        numbers, _ = to_numbers(cells, [0] * len(cells), table.decimal, str(i + 1))
+        span = f"{numbers.min():.4g} to {numbers.max():.4g}" if cells else "no numbers"
+        name = f" {table.names[i]!r}" if table.names[i] else ""
+        listed.append(f"{i + 1}{name}: {span}" + (f" ({roles[i].why})" if roles[i].why else ""))
+    x, y = table.filled[0] + 1, table.filled[1] + 1
+    advice = (
+        f"Say what they are, for example --columns angle={x},R={y} --angle-unit deg (or rad; for "
+        f"Q 1/angstrom, with --wavelength-um NUMBER) or --columns wavelength={x},R={y} "
+        "--wavelength-unit nm, with --scale 0.01 if R is in percent."
+    )
+    came = "no column is named as a reflectance, transmittance, psi or delta that can be fitted"
+    if not table.header:
+        came = f"the {len(table.filled)} columns have no names, since no line above them has "
+        came += f"{len(table.names)} names"
+        advice += " If the comma is the decimal mark too, write the file with semicolons."
+    elif all(roles[i].why or roles[i].kind for i in table.filled):
+        advice = (
+            "A table of R, R_s, R_p, T, psi or delta over the angle of incidence or the wavelength "
+            "was wanted. If a column holds one of these under another name, say which with "
+            "--columns. A raw signal is read as R or T in this way, if --divide-by names the scan "
+            "of the direct beam or a reference."
+        )
+    refuse(f"{came} ({'; '.join(listed)}). {advice}", table.top)
 
 
 def _only(table: Table, columns: list[Column], role: str) -> Column | None:

@@ -540,8 +540,10 @@ def _refuse_left_out(reading: Reading) -> None:
     """Refuse a column that is not read, but may hold something of use."""
     table, layout = reading.table, reading.layout
     for index, what in layout.left_out.items():
-        read = [column for column in (*layout.axes, *layout.values) if column is not None]
-        columns = [f"{c.role.quantity or c.role.kind}={c.index + 1}" for c in read]
+        read = layout.angle, layout.wavelength, layout.polarization, layout.polarizer
+        columns = [
+            f"{c.role.quantity or c.role.kind}={c.index + 1}" for c in (*read, *layout.values) if c
+        ]
         role = "wavelength" if layout.wavelength is None else "ROLE"
         role = "polarization" if what.startswith("the polarization") else role
         names = [table.label(i) for i in layout.left_out]
@@ -605,7 +607,7 @@ def _table_of(lines: Lines, options: Options) -> Table:
 def _with_reference(table: Table, name: str) -> tuple[Table, Column | None]:
     """Return the table without the column of a reference, and this column, None if not there."""
     low = name.strip().lower()
-    which = [i for i in table.filled if name and table.names[i].lower() == low]
+    which = [i for i in table.filled if low and table.names[i].lower() == low]
     exists = name == STDIN or bool(name and Path(name).exists())
     if name and not (which or exists):
         names = ", ".join(filter(None, table.names))
@@ -693,7 +695,7 @@ def long_columns(source: Any, options: Options) -> LongColumns:
     data = _folded(Data(*columns), options.delta_range)
     if (data.quantity == "delta_folded").any():
         notes.append("Delta from 0 to 180 degrees, of unknown sign (--delta-range)")
-    axes = {"angle": layout.angle, "wavelength": layout.wavelength, "polarizer": layout.polarizer}
-    labels = {name: column.label for name, column in axes.items() if column is not None}
+    axes = [layout.angle, layout.wavelength, layout.polarizer]
+    labels = {column.role.kind: column.label for column in axes if column is not None}
     understood = _understood(reading, data, factor)
     return LongColumns(data, places, labels, understood, None if by is None else reference)

@@ -16,10 +16,10 @@ PACKAGES = ("fitting", "fresnel_jax")
 MOST_LINES = {
     "fitting": {
         "__main__": 90, "batch_arrays": 190, "batches": 360, "choice": 690, "command": 740,
-        "data": 1110, "fit_result": 100, "fits": 360, "free_films": 190, "maps": 1450,
-        "measured_file": 150, "optics": 730, "outcomes": 1990, "output": 2010,
+        "data": 960, "fit_result": 100, "fits": 360, "free_films": 190, "maps": 1450,
+        "measured_file": 180, "optics": 730, "outcomes": 1990, "output": 2010,
         "own_residuals": 270, "predictions": 180, "posterior": 120, "problem": 2730, "process": 480,
-        "ratios": 200, "reader": 2920, "residuals": 590, "results": 1170, "samples": 1740,
+        "ratios": 190, "reader": 2730, "residuals": 590, "results": 1170, "samples": 1740,
         "searching": 2330, "thickness_profile": 220, "uncertainty": 1670, "wavelengths": 190,
     },
     "fresnel_jax": {
