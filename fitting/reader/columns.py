@@ -100,10 +100,9 @@ def _implicit(table: Table, roles: list[Role], filled: list[int]) -> list[Column
             wanted = named if value == role.quantity else f"{value}=2,{named}"
             if not role.quantity:  # of no use as it is
                 wanted = "R=2 without it, or make them absolute"
-            refuse(
+            table.refuse(
                 f"this may be {role.why}. Name all columns to be read, for example --columns "
                 f"angle=1,{wanted}.",
-                table.top,
                 table.names[index],
             )
     if any(roles[index].kind == "value" for index in filled):
@@ -133,16 +132,15 @@ def _implicit(table: Table, roles: list[Role], filled: list[int]) -> list[Column
             "--columns. A raw signal is read as R or T in this way, if --divide-by names the scan "
             "of the direct beam or a reference."
         )
-    refuse(f"{came} ({'; '.join(listed)}). {advice}", table.top)
+    table.refuse(f"{came} ({'; '.join(listed)}). {advice}")
 
 
 def _only(table: Table, columns: list[Column], role: str) -> Column | None:
     if len(columns) > 1:
         a, b = columns[:2]
-        refuse(
+        table.refuse(
             f"columns {a.index + 1} {a.label!r} and {b.index + 1} {b.label!r} both give {role}. "
-            f"Name all columns to be read, for example --columns {role}={a.index + 1},...",
-            table.top,
+            f"Name all columns to be read, for example --columns {role}={a.index + 1},..."
         )
     return columns[0] if columns else None
 
@@ -169,11 +167,10 @@ def _attach(table: Table, values: list[Column], sigmas: list[Column]) -> list[Co
         if len(fits) != 1 or attached[fits[0]] is not None:
             all_of = ",".join(f"{v.role.quantity}={v.index + 1}" for v in values)
             errors = ",".join(f"sigma_{v.role.quantity}={sigma.index + 1}" for v in values)
-            refuse(
+            table.refuse(
                 f"it is not clear which value the standard errors in column {sigma.index + 1} "
                 f"{sigma.label!r} belong to. Name all columns to be read: if they belong to all "
-                f"values, --columns angle=1,{all_of},{errors}.",
-                table.top,
+                f"values, --columns angle=1,{all_of},{errors}."
             )
         attached[fits[0]] = sigma
     return attached
@@ -228,19 +225,17 @@ def choose_columns(table: Table, options: Options) -> Layout:
         _only(table, [v for v in values if (v.role.quantity, v.role.at) == of], of[0])
     angled = [value for value in values if value.role.at is not None]
     if angled and (len(angled) < len(values) or of_kind["angle"]):
-        refuse(
+        table.refuse(
             "this name gives an angle of incidence, and other columns give another, or none. Name "
             "all columns to be read with --columns, and the angle with --angle-deg.",
-            table.top,
             angled[0].label,
         )
     for letter in POWER_LETTERS:
         if {letter, letter + "_s", letter + "_p"} <= names and not options.columns:
-            refuse(
+            table.refuse(
                 f"{letter} beside {letter}_s and {letter}_p may be their mean, and would count "
                 "twice. Name all columns to be read, for example --columns "
-                f"angle=1,{letter}_s=2,{letter}_p=3.",
-                table.top,
+                f"angle=1,{letter}_s=2,{letter}_p=3."
             )
     kinds = ("angle", "wavelength", "polarization", "polarizer")
     single = {kind: _only(table, of_kind[kind], kind) for kind in kinds}

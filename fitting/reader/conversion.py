@@ -549,11 +549,10 @@ def _refuse_left_out(reading: Reading) -> None:
         names = [table.label(i) for i in layout.left_out]
         if any(re.search(r"[\s,;]", name) for name in names):
             names = [str(i + 1) for i in layout.left_out]
-        refuse(
+        table.refuse(
             f"this column ({table.came_in(index)}) is not read, but it may be {what}. If the fit "
             f"may do without it, say --ignore {','.join(names)}; else name all columns to be read: "
             f"--columns {','.join(columns)},{role}={index + 1}.",
-            table.top,
             table.label(index),
         )
 

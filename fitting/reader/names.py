@@ -105,27 +105,16 @@ _INDEX = ("n", "k")
 _ASIDE = {"raw", "setting"}  # concepts of columns that a fit has no use for
 _MENTIONED = {*QUANTITIES, "error", "relative"}
 _KELVIN = {"T", "k", "c", "celsius"}  # of T (K), a temperature
-_ANGLES = {"incidence", "angle"}
-# theta i, reflection angle
-_BESIDE_ANGLES = {*_ANGLES, "inc", "i", "R", "out", "external", "deg"}
-_AXES = (  # kind and form; one of these concepts is there, and beside it these, or other words
-    ("polarization", "", {"polarization"}, {"state", "mode"}),
-    ("polarizer", "", {"polarizer", "polarization"}, _ANGLES),
-    ("angle", "q", {"transfer"}, {"z"}),
-    ("angle", "grazing", {"grazing"}, _ANGLES),
-    ("angle", "incidence", _ANGLES, _BESIDE_ANGLES),
-    ("angle", "incidence", {"incidence"}, {*_BESIDE_ANGLES, "some angle"}),  # Einfallswinkel alpha
-    ("wavelength", "wavelength", {"wavelength"}, {"vacuum"}),
-    ("wavelength", "energy", {"energy"}, set()),
-    ("wavelength", "wavenumber", {"wavenumber"}, set()),
-    ("wavelength", "frequency", {"frequency"}, set()),
-    ("wavelength", "angular frequency", {"frequency"}, {"angle"}),
+# What an axis may be: of each form one of the concepts, and beside it others; and the letters that
+# are such a quantity beside its unit.
+_AXES = [
+    (form, *({word.strip() for word in words.split(",")} for words in said.split("|")))
+    for form, said in _FILE["axis"].items()
+]
+_KINDS = {"polarization": "polarization", "polarizer": "polarizer"} | dict.fromkeys(
+    ("q", "grazing", "incidence"), "angle"
 )
-# letters that are such a quantity beside its unit
-_SYMBOLS = {
-    "energy": {"e"}, "wavenumber": {"k", "nu"}, "frequency": {"f", "nu"},
-    "angular frequency": {"omega", "w"}, "q": {"z"},
-}  # fmt: skip
+_SYMBOLS = {form: {*letters.split()} for form, letters in _FILE["letters of an axis"].items()}
 # units that name an axis alone; k (1/um) may be 1 / wavelength or 2 pi / wavelength
 _AXIS_UNITS = tuple(unit for unit in FORM_OF if unit not in ("mm", "keV"))
 # names glued of a quantity and its polarization; T in capitals only (tp, ts are times as well), and
@@ -234,14 +223,14 @@ def _optical(tokens: list[str], unit: str, error: bool) -> Role | None:
 def _axis(tokens: list[str], unit: str) -> Role | None:
     """Return the role of an angle, wavelength or polarization column, or None."""
     said = {CONCEPT.get(token.lower(), token.lower()) for token in tokens}
-    words = said - {"filler", "article"}
-    for kind, form, needed, others in _AXES:
+    words = said - {"filler", "article", "some angle" if "incidence" in said else ""}
+    for form, needed, others in _AXES:
         if words & needed and words <= needed | others:
-            return Role(kind, form=form, unit=unit)
+            return Role(_KINDS.get(form, "wavelength"), form=form, unit=unit)
     form = FORM_OF.get(unit, "") if unit != "mm" else ""
     letters = {token.lower() for token in tokens} - {"the", "of"}
     if form and letters <= _SYMBOLS.get(form, set()) - ({"k"} if unit == "1/um" else set()):
-        return Role("angle" if form == "q" else "wavelength", form=form, unit=unit)
+        return Role(_KINDS.get(form, "wavelength"), form=form, unit=unit)
     return None
 
 

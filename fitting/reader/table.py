@@ -9,7 +9,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
@@ -227,6 +227,10 @@ class Table(NamedTuple):
     def cells(self, index: int) -> list[str]:
         """Return the cells of a column."""
         return [row[index] for row in self.rows]
+
+    def refuse(self, text: str, column: str = "") -> NoReturn:
+        """Refuse at the line of the names, or at the name of a column."""
+        refuse(text, self.top, column)
 
     def came_in(self, index: int) -> str:
         """Return the first cells of a column, for messages."""

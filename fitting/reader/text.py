@@ -43,14 +43,13 @@ def source_of(source: Any) -> str:
 
 def _contents(source: Any, encoding: str | None) -> bytes:
     """Return what a file, pipe, device or buffer holds, up to the limit."""
-    size, data = 0, b""
     try:
         if not isinstance(source, _PATH):
             data = source.read()
             data = data.encode(encoding or "utf-8") if isinstance(data, str) else data
         elif str(source) == STDIN:
             data = sys.stdin.buffer.read(MAX_BYTES + 1)
-        elif (size := Path(source).stat().st_size) <= MAX_BYTES:
+        else:
             with Path(source).open("rb") as file:
                 data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
@@ -58,7 +57,7 @@ def _contents(source: Any, encoding: str | None) -> bytes:
         raise MeasurementError(
             f"{visible(str(source))}: the file cannot be opened ({what})."
         ) from error
-    _refuse_larger(max(size, len(data)))
+    _refuse_larger(len(data))
     return data
 
 

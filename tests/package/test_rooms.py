@@ -19,7 +19,7 @@ MOST_LINES = {
         "data": 960, "fit_result": 100, "fits": 360, "free_films": 190, "maps": 1450,
         "measured_file": 180, "optics": 730, "outcomes": 1990, "output": 2010,
         "own_residuals": 270, "predictions": 180, "posterior": 120, "problem": 2730, "process": 480,
-        "ratios": 190, "reader": 2730, "residuals": 590, "results": 1170, "samples": 1740,
+        "ratios": 190, "reader": 2710, "residuals": 590, "results": 1170, "samples": 1740,
         "searching": 2330, "thickness_profile": 220, "uncertainty": 1670, "wavelengths": 190,
     },
     "fresnel_jax": {
