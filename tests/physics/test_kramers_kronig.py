@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from fitting.samples.spline_index import knots_over
+from fitting.samples.dispersion import knots_over
 from fresnel_jax.dispersion import HC_EV_UM, KramersKronigSpline, TaucLorentz, material
 from fresnel_jax.indices.kramers_kronig import b_splines
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from fitting import Measurement, Sample, fit
-from fitting.samples.spline_index import every_second_left_out, knots_over, usual_terms
+from fitting.samples.dispersion import every_second_left_out, knots_over, usual_terms
 from tests.truth import random_edges
 
 
