@@ -21,7 +21,7 @@ from fitting.data.quantities import POWERS, are_powers
 from fitting.data.scatter import LEAST_VALUES, differences
 from fitting.fit_result import Fit
 from fitting.free_films import check_free_film, fit_free_film, free_film
-from fitting.optics.instrument import instrument_parameter
+from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.batched import stacked
 from fitting.outcomes.doubtful_index import notes_on
 from fitting.outcomes.findings import Subject, with_headline
@@ -179,7 +179,7 @@ def explained(
     how = how._replace(start=None)  # its names are those of this sample
 
     def fitted(name: str, sample: Sample = sample, free: tuple[str, ...] = ()) -> FitData:
-        quiet = {n: float(instrument_parameter(n).held or 0.0) for n in names if n not in free}
+        quiet = {n: float(INSTRUMENT[n].held or 0.0) for n in names if n not in free}
         freed = settings._replace(
             free=(*settings.free, *free), fixed={**settings.fixed, **quiet}, variants=tuple(quiet)
         )

@@ -47,7 +47,7 @@ from fitting.choice.sample_choice import (
 from fitting.data.measurement import Measurement, concatenate
 from fitting.data.quantities import are_powers
 from fitting.fits import fit_checked, measurements_of
-from fitting.optics.instrument import INSTRUMENT, instrument_parameter
+from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.surface_verdicts import OPEN, with_verdicts
 from fitting.problem.problem import FitOptions, Kept
 from fitting.process.progress import tell
@@ -180,7 +180,7 @@ def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitt
     def run(key: Key, asked: FitOptions) -> FitData:
         # Candidates with an instrument parameter free share one program.
         quiet = {
-            n: float(instrument_parameter(n).held or 0.0)
+            n: float(INSTRUMENT[n].held or 0.0)
             for n in wanted if key.free and n not in key.free
         }  # fmt: skip
         bounds = {"scale": (1.0 - MOST_GAIN, 1.0 + MOST_GAIN)} if "scale" in key.free else {}

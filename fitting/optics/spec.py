@@ -5,15 +5,17 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from fitting.data.quantities import POWERS
-from fitting.optics.instrument import BEAM, SLIT
 from fitting.samples.dispersion import Model
 from fitting.samples.known_media import Known, Mixture
-from fitting.samples.parameters import to_parameter
+from fitting.samples.parameters import to_parameter, value_and_slope
 
 NCS = "NCS"
+# Number of wavelengths in a slit and of angles in a beam, unless more are needed; see `instrument`.
+SLIT, BEAM = 11, 7
 
 
 class Points(NamedTuple):
@@ -67,7 +69,7 @@ class Spec(NamedTuple):
     names of the unknowns, in the order of y; coordinates: theirs. held: names of the constants.
     tied: (name, factor, of which). curves: for each channel the curve of every file, the number in
     ``scale_0``, ``background_0``. places: at how many a slit and a beam are averaged
-    (`instrument.places_of`). shared: whether other models are fitted to the same data (`choose`),
+    (`instrument.with_places`). shared: whether other models are fitted to the same data (`choose`),
     so that programs which they share are worth more calls.
     """
 
@@ -92,8 +94,13 @@ class Spec(NamedTuple):
         """Return every parameter, (L,), at the unknowns y (p, L) and constants (h,)."""
         lanes = y.shape[1:]
         out = dict(zip(self.moving, to_parameter(self.coordinates, y), strict=True))
-        out |= {
-            name: jnp.broadcast_to(value, lanes)
-            for name, value in zip(self.held, held, strict=True)
-        }
+        held_at = (jnp.broadcast_to(value, lanes) for value in held)
+        out |= dict(zip(self.held, held_at, strict=True))
+        return out | {name: factor * out[of] for name, factor, of in self.tied}
+
+    def numbers(self, y: np.ndarray, held: np.ndarray) -> dict[str, float]:
+        """Return every parameter as a number at unknowns y (p,) and constants (h,)."""
+        pairs = zip(self.moving, self.coordinates, y, strict=True)
+        out = {name: float(value_and_slope(kind, x)[0]) for name, kind, x in pairs}
+        out |= dict(zip(self.held, held.tolist(), strict=True))
         return out | {name: factor * out[of] for name, factor, of in self.tied}

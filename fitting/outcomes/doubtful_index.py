@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from fitting.data.quantities import ANGLES
-from fitting.optics.averages import values_at
 from fitting.optics.spec import NCS
 from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
@@ -84,7 +83,7 @@ def of_a_solid(fit: Problem, y: np.ndarray) -> bool:
     wavelength where nothing absorbs; source: see `_rising`.
     """
     u, waves = fit.u, np.unique(fit.seen.points.wavelength_um[fit.seen.measured, 0])
-    values = values_at(u.spec, u.held, y)
+    values = u.spec.numbers(y, u.held)
     for place, model in zip(u.spec.media.places, u.spec.media.index, strict=True):
         head = f"{place}."
         names = {n for n in u.spec.moving if n.startswith(head) and "thickness" not in n}
@@ -120,7 +119,7 @@ def _rising(u: Unknowns, end: End, wavelength_um: np.ndarray) -> tuple[str, ...]
     Source: the Kramers-Kronig relations; L. D. Landau and E. M. Lifshitz, Electrodynamics of
     Continuous Media, sec. 84: where nothing is absorbed, the permittivity rises with the frequency.
     """
-    values = values_at(u.spec, u.held, end.y)
+    values = u.spec.numbers(end.y, u.held)
     covariance = np.nan_to_num(end.known.covariance)
     out = []
     for place, model in zip(u.spec.media.places, u.spec.media.index, strict=True):

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.data.measurement import Measurement
 from fitting.data.quantities import DELTAS
-from fitting.optics.averages import values_at, with_places
+from fitting.optics.instrument import with_places
 from fitting.optics.spec import NCS
 from fitting.problem.observations import Observations, ncs_directions, observations, padded
 from fitting.problem.points import numbers, points_of
@@ -259,7 +259,7 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
             priors=False,
         )
         outside = index_outside(at.sample, seen.points.wavelength_um)
-        spec = with_places(spec, values_at(spec, u.held, at.y), seen.points, float(np.max(outside)))
+        spec = with_places(spec, spec.numbers(at.y, u.held), seen.points, float(np.max(outside)))
         u, targets = u._replace(spec=spec), targets._replace(points=seen.points, eta_i=outside)
     shown = Shown(u.spec, targets)
     value, slope = shown(at.y)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from fitting.optics.layer_index import medium_index
+from fitting.optics.observe import medium_index
 from fitting.optics.spec import Points, Spec
 from fitting.samples.dispersion import SPLINE
 from fitting.samples.known_media import Mixture

@@ -11,8 +11,7 @@ import numpy as np
 
 from fitting.data.measurement import Measurement
 from fitting.data.quantities import POWERS, are_powers
-from fitting.optics.averages import largest, with_places, within_slit
-from fitting.optics.instrument import INSTRUMENT, PER_CURVE, instrument_parameter
+from fitting.optics.instrument import INSTRUMENT, PER_CURVE, largest, with_places, within_slit
 from fitting.optics.spec import Media, Spec
 from fitting.problem.observations import Observations
 from fitting.process.compiled import fit_settings
@@ -198,7 +197,7 @@ def _of_instrument(settings: Settings, seen: Observations) -> list[_Offered]:
             continue
         if name in (*PER_CURVE, "leak") and not powers:
             raise ValueError(f"{name} acts on powers (R, T), and none was measured; leave it out.")
-        parameter = instrument_parameter(name)
+        parameter = INSTRUMENT[name]
         if name not in PER_CURVE:
             out.append(_Offered(parameter, name))
             continue

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fitting.data.measurement import Measurement
-from fitting.optics.instrument import BEAM, SLIT
+from fitting.optics.spec import BEAM, SLIT
 from fitting.problem.lanes import Ends, joined
 from fitting.problem.observations import observations
 from fitting.problem.problem import Problem
