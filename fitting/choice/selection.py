@@ -2,8 +2,13 @@
 
 Models are tried in stages, each only if the one before gives a reason: models without k and with
 the simplest k; more oscillators, if light is absorbed or no model so far describes the data, and as
-long as they help; then each instrument parameter. `candidates` says how they compare and which is
-taken.
+long as they help; then each instrument parameter. Of samples that are given all are tried:
+
+    choose(m, "Si or air | SiO2 1..50 nm | Si")
+    choose(m, "air | cauchy 50..500 nm | Si or air | rough 1..20 nm | cauchy 50..500 nm | Si "
+              "or air | cauchy 50..500 nm graded | Si")
+
+`candidates` says how they compare and which is taken: a further layer or parameter needs evidence.
 
 Up to half of the time of a first `choose` is spent on compiling. Candidates therefore share
 programs: a parameter that only some of them fit (of the instrument, or of the terms by which one
@@ -36,14 +41,6 @@ from fitting.choice.candidates import (
     simplest,
     with_doubt,
 )
-from fitting.choice.sample_choice import (
-    MOST_GAIN,
-    Fitted,
-    Run,
-    of_samples,
-    several_samples,
-    with_gain_instead,
-)
 from fitting.data.measurement import Measurement, concatenate
 from fitting.data.quantities import are_powers
 from fitting.fits import fit_checked, measurements_of
@@ -52,13 +49,21 @@ from fitting.outcomes.surface_verdicts import OPEN, with_verdicts
 from fitting.problem.problem import FitOptions, Kept
 from fitting.process.progress import tell
 from fitting.process.side_by_side import side_by_side
+from fitting.results.diagnostics import Finding
 from fitting.results.result import FitData
 from fitting.results.result_parts import CONVERGED
 from fitting.samples.parameters import Settings, check_search, settings_of
-from fitting.samples.sample import AUTO, Sample
+from fitting.samples.sample import AUTO, Sample, several_samples
 from fitting.samples.sample_checks import check_fit
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
-from fitting.uncertainty.likelihood import MARGIN
+from fitting.uncertainty.likelihood import MARGIN, corrected_aic
+
+# Calibrations of reflectances are hardly wrong by more.
+MOST_GAIN = 0.1
+_NEUTRAL = "angle_offset"
+# Returns a fit: of this sample, with these settings and options; of a candidate.
+Fitted = Callable[[Sample, Settings, FitOptions], FitData]
+Run = Callable[[Key, FitOptions], FitData]
 
 
 class Trials:
@@ -198,6 +203,76 @@ def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitt
     return run
 
 
+def _of_samples(samples: Sequence[Sample], base: Settings, fitted: Fitted) -> Run:
+    """Return how one of several samples is fitted."""
+    for which in samples:
+        if which.by_wavelength or which.open:
+            raise ValueError(
+                f"the sample {str(which)!r} cannot be compared with others, since an index in it "
+                "is free at every wavelength or auto. Write numbers, materials or named dispersion "
+                "models instead."
+            )
+    by_label = {str(which): which for which in samples}
+    at = base.fixed.get(_NEUTRAL, 0.0)
+    nothing = base._replace(
+        fixed={n: value for n, value in base.fixed.items() if n != _NEUTRAL},
+        bounds={**base.bounds, _NEUTRAL: (at - 1e-9, at + 1e-9)},
+    )
+
+    def run(key: Key, asked: FitOptions) -> FitData:
+        which = by_label[key.model]
+        held = all(m.thickness is None or m.thickness.held for m in which.media)
+        if held and not key.free and not any(m.unknown for m in which.media):
+            return _without_unknowns(fitted(which, nothing, asked))
+        return fitted(which, base._replace(free=(*base.free, *key.free)), asked)
+
+    return run
+
+
+def _with_gain_instead(choice: Choice, try_gain: Callable[[Key], FitData]) -> Choice:
+    """Return the choice, with a warning if a smaller sample fits as well with a free scale.
+
+    Reflectances that are 1 % low at all wavelengths are those of a thin oxide, too.
+    """
+    smaller = [c for c in choice.candidates if c.size < choice.taken.size]
+    if not smaller or not are_powers(choice.fit.measurement.quantity).any():  # type: ignore
+        return choice
+    least = min(smaller, key=lambda c: c.fit.bic)
+    other = try_gain(least.key._replace(free=("scale",)))
+    # Of several files each has a scale of its own.
+    scales = [e for name, e in other.parameters.items() if name.startswith("scale")]
+    scale = max(scales, key=lambda e: abs(e.value - 1.0))
+    near = other.bic <= choice.taken.fit.bic + MARGIN and abs(scale.value - 1.0) < MOST_GAIN
+    if other.status != CONVERGED or not near:
+        return choice
+    told = Finding("gain_instead", np.True_, {
+        "sample": least.label, "scale": scale.value, "sigma": scale.sigma,
+        "delta_bic": other.bic - choice.taken.fit.bic,
+    })  # fmt: skip
+    return choice.with_fit(replace(choice.fit, findings=(told, *choice.fit.findings)))
+
+
+def _without_unknowns(found: FitData) -> FitData:
+    """Return the fit of a sample without unknowns, from that of an angle offset that hardly moves.
+
+    The offset counts neither in the degrees of freedom nor in the information criteria.
+    """
+    parameters = {n: e for n, e in found.parameters.items() if n != _NEUTRAL}
+    findings = tuple(
+        f for f in found.findings if f.values.get("parameter") != _NEUTRAL
+        and _NEUTRAL not in (f.values.get("parameters") or ())
+    )  # fmt: skip
+    n, dof = found.n_data, found.dof + 1
+    bic = found.bic - float(np.log(n))
+    noise = 0 if found.errors.taken == "stated" else 1  # the only unknown, see `criteria`
+    return replace(
+        found, parameters=parameters, covariance=found.covariance[:0, :0], findings=findings,
+        bic=bic, aicc=corrected_aic(bic, noise, n),
+        dof=dof, chi2_reduced=found.chi2_reduced * found.dof / dof, status=CONVERGED,
+        evaluations=0, starts=0, reached=0,
+    )  # fmt: skip
+
+
 def choose(
     measurement: Measurement | Sequence[Measurement],
     sample: str | Sample | Sequence[str | Sample] = "auto",
@@ -252,7 +327,7 @@ def choose(
         run_one = _of_model(samples[0], base, wanted, fitted)
         check_fit(several, samples[0])
     else:
-        run_one = of_samples(samples, base, fitted)
+        run_one = _of_samples(samples, base, fitted)
 
     def run(key: Key, asked: FitOptions) -> FitData:
         return run_one(key, asked._replace(kept_as=key.label, near=_begun_from(key)))
@@ -284,7 +359,7 @@ def choose(
             taken = taken._replace(without_k=False)
         choice = choice.with_fit(run(taken, asked))
     if not one and instrument and "scale" not in mentioned:
-        choice = with_gain_instead(choice, lambda key: run(key, compared))
+        choice = _with_gain_instead(choice, lambda key: run(key, compared))
     return with_doubt(choice)
 
 

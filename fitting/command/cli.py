@@ -367,8 +367,8 @@ def _files(arguments: argparse.Namespace, spectrum: bool) -> list[ResultFile]:
 
     spectrum: whether there is an index for each wavelength, which has a CSV of its own.
     """
-    from fitting.choice.sample_choice import several_samples
     from fitting.output import files
+    from fitting.samples.sample import several_samples
 
     samples = several_samples(arguments.sample)
     references = several_samples([arguments.ratio_to] if arguments.ratio_to else [])
@@ -396,8 +396,8 @@ def _fit(
 ) -> tuple[Fit, Choice | None]:
     """Return the fit that was asked for, and the comparison if a model was to be chosen."""
     options = _fit_options(arguments)
-    from fitting.choice.sample_choice import several_samples
     from fitting.fits import fit
+    from fitting.samples.sample import several_samples
 
     samples = several_samples(arguments.sample)
     if len(samples) == 1 and not samples[0].open:

@@ -7,6 +7,7 @@ scale=1+-0.02      free, and known beforehand to be 1 with a standard error of .
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -95,30 +96,23 @@ def plain_name(name: str) -> str:
     return head.replace("-", "_") + bracket + tail
 
 
-def _refuse(text: str) -> ValueError:
-    return ValueError(
-        f"{text!r} came; NAME=VALUE (fixed), NAME=LOW..HIGH (bounds) or NAME=VALUE+-SIGMA (prior) "
-        "was wanted, for example k=0, eta=1.4..1.6 or scale=1+-0.02."
-    )
-
-
 def parse_setting(text: str) -> tuple[str, str, Any]:
     """Return name, "fixed", "bounds" or "priors", and the number or the pair of numbers.
 
     Raises ValueError for anything but the three forms in the docstring of the module.
     """
     found = _NAME.match(text)
-    if not found:
-        raise _refuse(text)
-    name, sign, rest = plain_name(found[1]), found[2], found[3]
+    name, sign, rest = (plain_name(found[1]), found[2], found[3]) if found else ("", "", "")
     if prior := _PRIOR.match(rest):
         return name, "priors", (float(prior[1]), float(prior[2]))
     if sign == "=" and (pair := _RANGE.match(rest)) and (pair[1] or pair[2]):
-        low, high = pair[1], pair[2]
-        return name, "bounds", (float(low or -math.inf), float(high or math.inf))
+        return name, "bounds", (float(pair[1] or -math.inf), float(pair[2] or math.inf))
     if sign == "=" and re.fullmatch(_NUMBER, rest):
         return name, "fixed", float(rest)
-    raise _refuse(text)
+    raise ValueError(
+        f"{text!r} came; NAME=VALUE (fixed), NAME=LOW..HIGH (bounds) or NAME=VALUE+-SIGMA (prior) "
+        "was wanted, for example k=0, eta=1.4..1.6 or scale=1+-0.02."
+    )
 
 
 def names_of(names: str | Iterable[str]) -> tuple[str, ...]:
@@ -145,38 +139,36 @@ def check_search(starts: Any, start: Any, seed: Any) -> None:
 
 
 def _number(value: Any) -> float:
+    """Return a number; NaN of what is none, such as a text, even where it spells one."""
     if isinstance(value, (str, bytes)):
-        raise TypeError("a text is no number, even where it spells one")
-    return float(value)
+        return math.nan
+    with contextlib.suppress(TypeError, ValueError):
+        return float(value)
+    return math.nan
 
 
 def _fixed(name: str, value: Any) -> float:
-    try:
-        number = _number(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} is fixed at {value!r}; a number was wanted.") from None
-    if not math.isfinite(number):
-        raise ValueError(f"{name} is fixed at {value}; a finite number was wanted.")
+    if not math.isfinite(number := _number(value)):
+        raise ValueError(f"{name} is fixed at {value!r}; a finite number was wanted.")
     return number
 
 
 def _pair(name: str, value: Any, what: str) -> tuple[float, float]:
-    try:
+    low = high = math.nan
+    with contextlib.suppress(TypeError, ValueError):
         first, second = value
         low = -math.inf if first is None else _number(first)
         high = math.inf if second is None else _number(second)
-    except (TypeError, ValueError):
-        raise ValueError(f"{what} of {name} is {value!r}; two numbers were wanted.") from None
     if math.isnan(low) or math.isnan(high):
-        raise ValueError(f"{what} of {name} is {value!r}; numbers other than NaN were wanted.")
+        raise ValueError(f"{what} of {name} is {value!r}; two numbers were wanted.")
     return low, high
 
 
 def _bounds(name: str, value: Any) -> tuple[float, float]:
     low, high = _pair(name, value, "the range")
     if not low < high:
-        came = f"the range of {name} is {low:g} to {high:g}"
-        raise ValueError(f"{came}; the lower end must come first.")
+        ends = f"{low:g} to {high:g}"
+        raise ValueError(f"the range of {name} is {ends}; the lower end must come first.")
     return low, high
 
 
@@ -213,22 +205,21 @@ def settings_of(
 
     Raises ValueError for wrong ones.
     """
-    by_kind: dict[str, dict[str, Any]] = {"free": dict.fromkeys(map(plain_name, names_of(free)))}
+    by: dict[str, dict[str, Any]] = {"free": dict.fromkeys(map(plain_name, names_of(free)))}
     for kind, came in zip(_READ, (fixed, bounds, priors, tie), strict=True):
         if not isinstance(came or {}, Mapping):
             raise ValueError(
                 f"{kind} is {came!r}; a mapping from names of parameters was wanted, {{name: ...}}."
             )
-        by_kind[kind] = {plain_name(n): _READ[kind](n, v) for n, v in (came or {}).items()}
-    for kind, what, others in (
-        ("fixed", "is fixed", ("free", "bounds", "priors")),
-        ("tie", "is tied to another parameter", ("free", "fixed", "bounds", "priors")),
-    ):
-        for name in by_kind[kind]:
-            if any(name in by_kind[other] for other in others):
-                listed = "free, fixed, bounded" if "fixed" in others else "free, bounded"
-                raise ValueError(f"{name} {what} and cannot also be {listed} or have a prior.")
-    by = by_kind
+        by[kind] = {plain_name(n): _READ[kind](n, v) for n, v in (came or {}).items()}
+    others = {**by["free"], **by["bounds"], **by["priors"]}
+    for name in sorted(by["fixed"].keys() & others):
+        raise ValueError(f"{name} is fixed and cannot also be free, bounded or have a prior.")
+    for name in sorted(by["tie"].keys() & {**others, **by["fixed"]}):
+        raise ValueError(
+            f"{name} is tied to another parameter and cannot also be free, fixed, bounded or have "
+            "a prior."
+        )
     return Settings(tuple(by["free"]), by["fixed"], by["bounds"], by["priors"], by["tie"])
 
 

@@ -41,6 +41,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -448,3 +449,9 @@ def _parsed(text: str) -> Sample:
     media = (first, *map(_layer, parts[1:-1]), last)
     _refuse_misplaced(text, media)
     return Sample(media)
+
+
+def several_samples(text: str | Sample | Sequence[str | Sample]) -> tuple[Sample, ...]:
+    """Return the samples that a text with " or " between them, or a sequence, stands for."""
+    parts = text.split(" or ") if isinstance(text, str) else text
+    return tuple(map(Sample.parse, (parts,) if isinstance(parts, Sample) else parts))

@@ -15,7 +15,7 @@ from fitting.samples.parameters import names_of, parse_setting, settings_of
     ({"sample": "drude:2"}, "takes no number of terms"),
     ({"sample": "film"}, "'film' is not an index"),
     ({"sample": "air | cauchy | air"}, "the layer 'cauchy' has no thickness"),
-    ({"sample": "air | cauchy -1 um thick | air"}, "has no thickness"),
+    ({"sample": "air | cauchy -1 um thick | air"}, "a thickness from 1e-6 to 1e9 um"),
     ({"sample": "air | cauchy 50-500 nm | Si"}, "with a range 'SiO2 100..150 nm'"),
     ({"sample": "air | cauchy 50 to 500 nm | Si"}, "a range of thickness is written with two dots"),
     ({"sample": "air | caushy 50 nm | Si"}, "a similar name is 'cauchy'"),
