@@ -117,7 +117,7 @@ class Problem:
                 continue  # of a sum each term is what its name says
             key = next(i for i, n in enumerate(groups[0]) if ".resonance" in names[n])
             rows = np.array(groups)  # (terms, parameters of a term)
-            if not model.exchangeable:
+            if model.name == "sellmeier":
                 rows = rows[:-1]  # the last one is on the other side of the spectrum
             order = np.argsort(y[rows[:, key]], axis=0, kind="stable")
             for column in rows.T:

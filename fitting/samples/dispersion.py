@@ -90,11 +90,6 @@ class Model(NamedTuple):
         return self.kind.absorbs
 
     @property
-    def exchangeable(self) -> bool:
-        """Whether the terms are interchangeable: not if the last one is beyond the red end."""
-        return self.kind.exchangeable
-
-    @property
     def is_sum(self) -> bool:
         """Whether the terms are of several kinds."""
         return self.name not in KINDS
@@ -181,7 +176,6 @@ class Kind(NamedTuple):
     absorbs: bool
     usual: int = 1  # number of terms if none is given; 0: it follows from the data
     most: int = 1
-    exchangeable: bool = True  # terms are interchangeable
 
 
 def _positive(
@@ -386,7 +380,7 @@ def _sum_of(name: str) -> Kind:
         ]
         return dispersion.Sum(each, v["eps_inf"])  # pyright: ignore[reportArgumentType]
 
-    return Kind(parameters, model, any(p.absorbs for p in parts), exchangeable=False)
+    return Kind(parameters, model, any(p.absorbs for p in parts))
 
 
 _LINE = "resonance_ev", "width_ev"
@@ -400,7 +394,7 @@ KINDS = {
         ),
         True, 3, 8,
     ),
-    "sellmeier": Kind(_sellmeier, _sellmeier_model, False, 1, 8, exchangeable=False),
+    "sellmeier": Kind(_sellmeier, _sellmeier_model, False, 1, 8),
     "drude": Kind(
         lambda n, s: _drude(s),
         lambda n, v: dispersion.drude(v["plasma_ev"], v["width_ev"], v["eps_inf"]), True,
@@ -446,7 +440,7 @@ KINDS = {
         False,
     ),
     # The terms are amplitudes of B-splines in their order.
-    SPLINE: Kind(_spline, without_knots, True, 0, 60, exchangeable=False),
+    SPLINE: Kind(_spline, without_knots, True, 0, 60),
 }  # fmt: skip
 
 

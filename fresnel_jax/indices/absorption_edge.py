@@ -12,9 +12,7 @@ from .formulas import cauchy_series
 from .spectral import (
     DispersionModel,
     Index,
-    SumOfTerms,
-    check_lengths,
-    over_terms,
+    SumOfLines,
     parameters_named,
     photon_energy_ev,
 )
@@ -176,7 +174,7 @@ def _tauc_lorentz(energy: Array, amplitude, resonance, width, gap):
     return (2.0 / jnp.pi) * scale * per_p * (c * difference + slope * arm), scale * im
 
 
-class TaucLorentz(SumOfTerms):
+class TaucLorentz(SumOfLines):
     """Oscillators of an amorphous semiconductor or insulator, without absorption below a gap:
 
     Im eps = sum_j A_j E_j C_j (E - gap)^2 / {E [(E^2 - E_j^2)^2 + (C_j E)^2]} if E > gap, else 0;
@@ -210,16 +208,8 @@ class TaucLorentz(SumOfTerms):
     gap_ev: Array = eqx.field(converter=float_named("gap_ev"))
     eps_inf: Array = eqx.field(converter=float_named("eps_inf"), default=1.0)
 
-    def __check_init__(self):
-        check_lengths(
-            amplitudes_ev=self.amplitudes_ev,
-            resonances_ev=self.resonances_ev,
-            widths_ev=self.widths_ev,
-        )
-
     def susceptibility(self, energy: Array) -> tuple[Array, Array]:
-        fields = (self.amplitudes_ev, self.resonances_ev, self.widths_ev)
-        energy, amplitudes, resonances, widths = over_terms(energy, *fields)
+        energy, amplitudes, resonances, widths = self.over_lines(energy)
         gap = self.gap_ev.astype(energy.dtype)
         re, im = _tauc_lorentz(energy, amplitudes, resonances, widths, gap)
         return jnp.sum(re, axis=-1), jnp.sum(im, axis=-1)
@@ -311,7 +301,7 @@ def _cody_lorentz(energy: Array, distance: Array, amplitude, resonance, width, g
     return (-2.0 / jnp.pi) * (amplitude / resonance) * total
 
 
-class CodyLorentz(SumOfTerms):
+class CodyLorentz(SumOfLines):
     """Oscillators of an amorphous semiconductor with Cody's onset and Urbach's exponential tail:
 
     Im eps = G(E) L(E) if E > tail_ev, else (E_1 / E) exp((E - tail_ev) / urbach_ev),
@@ -347,20 +337,12 @@ class CodyLorentz(SumOfTerms):
     urbach_ev: Array = eqx.field(converter=float_named("urbach_ev"))
     eps_inf: Array = eqx.field(converter=float_named("eps_inf"), default=1.0)
 
-    def __check_init__(self):
-        check_lengths(
-            amplitudes_ev=self.amplitudes_ev,
-            resonances_ev=self.resonances_ev,
-            widths_ev=self.widths_ev,
-        )
-
     def susceptibility(self, energy: Array) -> tuple[Array, Array]:
         shared = (self.gap_ev, self.cody_ev, self.tail_ev, self.urbach_ev)
         gap, cody, tail, urbach = (x.astype(energy.dtype) for x in shared)
-        fields = (self.amplitudes_ev, self.resonances_ev, self.widths_ev)
 
         def absorption(x):
-            at, amplitudes, resonances, widths = over_terms(x, *fields)
+            at, amplitudes, resonances, widths = self.over_lines(x)
             beside = (at - resonances) * (at + resonances) / resonances**2
             loss = at / resonances * (widths / resonances)
             terms = amplitudes / resonances * loss / (beside * beside + loss * loss)
@@ -368,7 +350,7 @@ class CodyLorentz(SumOfTerms):
 
         # The logarithms of both parts are infinite at E_t, where their factors cancel.
         distance = jnp.where(energy == tail, jnp.finfo(tail.dtype).eps * tail, tail - energy)
-        at, amplitudes, resonances, widths = over_terms(energy, *fields)
+        at, amplitudes, resonances, widths = self.over_lines(energy)
         above = _cody_lorentz(
             at, distance[..., None], amplitudes, resonances, widths, gap, cody, tail
         )

@@ -14,6 +14,7 @@ from .._numerics.faddeeva import faddeeva
 from .spectral import (
     DispersionModel,
     Index,
+    SumOfLines,
     SumOfTerms,
     check_lengths,
     index_of_permittivity,
@@ -24,8 +25,7 @@ from .spectral import (
 
 
 def _lorentz(energy: Array, strengths: Array, resonances: Array, widths: Array):
-    """Real and imaginary part of sum_j S_j / (E_j^2 - E^2 - i E G_j)."""
-    energy, strengths, resonances, widths = over_terms(energy, strengths, resonances, widths)
+    """Real and imaginary part of sum_j S_j / (E_j^2 - E^2 - i E G_j), j along the last axis."""
     # factored: the error of E_j - E is then only that of E itself
     distance = (resonances - energy) * (resonances + energy)
     loss = energy * widths
@@ -38,7 +38,7 @@ def _lorentz(energy: Array, strengths: Array, resonances: Array, widths: Array):
     return jnp.sum(distance * per_modulus, axis=-1), jnp.sum(loss * per_modulus, axis=-1)
 
 
-class DrudeLorentz(SumOfTerms):
+class DrudeLorentz(SumOfLines):
     """Free and bound electrons as damped oscillators:
 
     (eta + ik)^2 = eps_inf + sum_j strengths_ev2_j / (resonances_ev_j^2 - E^2 - i E widths_ev_j),
@@ -65,18 +65,11 @@ class DrudeLorentz(SumOfTerms):
     widths_ev: Array = eqx.field(converter=parameters_named("widths_ev"))
     eps_inf: Array = eqx.field(converter=float_named("eps_inf"), default=1.0)
 
-    def __check_init__(self):
-        check_lengths(
-            strengths_ev2=self.strengths_ev2,
-            resonances_ev=self.resonances_ev,
-            widths_ev=self.widths_ev,
-        )
-
     def susceptibility(self, energy: Array) -> tuple[Array, Array]:
-        return _lorentz(energy, self.strengths_ev2, self.resonances_ev, self.widths_ev)
+        return _lorentz(*self.over_lines(energy))
 
 
-class Gaussian(SumOfTerms):
+class Gaussian(SumOfLines):
     """Absorption lines of Gaussian shape, as of glasses and organic films:
 
     Im eps = sum_j A_j {exp[-((E - E_j) / s_j)^2] - exp[-((E + E_j) / s_j)^2]},
@@ -103,17 +96,8 @@ class Gaussian(SumOfTerms):
     widths_ev: Array = eqx.field(converter=parameters_named("widths_ev"))
     eps_inf: Array = eqx.field(converter=float_named("eps_inf"), default=1.0)
 
-    def __check_init__(self):
-        check_lengths(
-            amplitudes=self.amplitudes,
-            resonances_ev=self.resonances_ev,
-            widths_ev=self.widths_ev,
-        )
-
     def susceptibility(self, energy: Array) -> tuple[Array, Array]:
-        energy, amplitudes, resonances, widths = over_terms(
-            energy, self.amplitudes, self.resonances_ev, self.widths_ev
-        )
+        energy, amplitudes, resonances, widths = self.over_lines(energy)
         per_s = np.asarray(2.0 * np.sqrt(np.log(2.0)), energy.dtype) / widths
         below, above = (energy - resonances) * per_s, (energy + resonances) * per_s
         # w(x) = exp(-x^2) + 2i D(x) / sqrt(pi); of the two exponentials the second is factored out,
@@ -181,13 +165,8 @@ class BrendelBormann(DispersionModel):
 
     def index(self, wavelength_um: Array) -> Index:
         energy = photon_energy_ev(wavelength_um)
-        zero = jnp.zeros(1, energy.dtype)
-        re, im = _lorentz(
-            energy,
-            jnp.atleast_1d(self.drude_strength_ev2),
-            zero,
-            jnp.atleast_1d(self.drude_width_ev),
-        )
+        electrons = self.drude_strength_ev2, jnp.zeros(()), self.drude_width_ev
+        re, im = _lorentz(*over_terms(energy, *map(jnp.atleast_1d, electrons)))
         chi_re, chi_im = self._scattered(energy)
         return index_of_permittivity(self.eps_inf.astype(re.dtype) + re + chi_re, im + chi_im)
 

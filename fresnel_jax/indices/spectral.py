@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import dataclasses
 import functools
 from collections.abc import Iterable, Sequence
 
@@ -49,6 +50,17 @@ class SumOfTerms(DispersionModel):
         re, im = self.susceptibility(photon_energy_ev(wavelength_um))
         eps_inf: Array = self.eps_inf  # pyright: ignore[reportAttributeAccessIssue]
         return index_of_permittivity(eps_inf.astype(re.dtype) + re, im)
+
+
+class SumOfLines(SumOfTerms):
+    """The same of absorption lines: the first three fields are their strengths, places, widths."""
+
+    def __check_init__(self):
+        check_lengths(**{f.name: getattr(self, f.name) for f in dataclasses.fields(self)[:3]})
+
+    def over_lines(self, energy: Array) -> tuple[Array, ...]:
+        """Photon energies with a last axis for the lines, and these fields; see `over_terms`."""
+        return over_terms(energy, *(getattr(self, f.name) for f in dataclasses.fields(self)[:3]))
 
 
 def in_one_type(wavelength_um: ArrayLike, model) -> Array:
