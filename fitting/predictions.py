@@ -20,7 +20,7 @@ from fitting.results.result_parts import Prediction
 from fitting.samples.dispersion import SPLINE, without_knots
 from fitting.samples.parameters import settings_of
 from fitting.samples.sample import Sample
-from fitting.samples.sample_checks import check_points, check_quantities
+from fitting.samples.sample_checks import check_points
 
 
 def predict(
@@ -141,7 +141,7 @@ def simulate(
         if model.name == SPLINE:
             without_knots(model.terms, {})
     points = points_of(angle_deg, quantity, wavelength_um)
-    check_quantities([points], which)
+    check_points(points, which)
     try:
         settings = settings_of(fixed=dict(parameters))
     except TypeError:

@@ -87,21 +87,22 @@ class Trials:
     def attempt_chains(self, *chains: Sequence[Key]) -> None:
         """Try chains of candidates in parallel, each until one of its candidates is not good."""
         new = [c for c in dict.fromkeys(map(tuple, chains)) if any(k not in self.tried for k in c)]
+
+        def try_chain(chain: Sequence[Key]) -> None:
+            for key in chain:
+                if key not in self.tried:
+                    self._fit(key, thorough=False)
+                if not self.tried[key].good:
+                    return
+
         if new:
             self._announce(dict.fromkeys(k for c in new for k in c if k not in self.tried))
-            side_by_side(self._try_chain, new)
+            side_by_side(try_chain, new)
 
     def _announce(self, keys: Iterable[Key], what: str = "") -> None:
-        for key in keys:
-            self.progress(key.label + what)
-            tell(key.label + what)
-
-    def _try_chain(self, chain: Sequence[Key]) -> None:
-        for key in chain:
-            if key not in self.tried:
-                self._fit(key, thorough=False)
-            if not self.tried[key].good:
-                return
+        for label in (key.label + what for key in keys):
+            self.progress(label)
+            tell(label)
 
     def _fit(self, key: Key, thorough: bool) -> None:
         self.tried[key] = candidate(key, self.run(key, thorough), self.errors)
@@ -138,18 +139,6 @@ def _absorbs(c: Candidate) -> bool:
     return not c.key.without_k and not c.key.model.startswith(("cauchy:", "sellmeier"))
 
 
-def _only_shared(settings: Settings) -> None:
-    """Raise ValueError for settings of parameters that only some of the models have."""
-    for name in settings.names:
-        bare = name.partition("[")[0]
-        if bare not in INSTRUMENT and "thickness" not in bare:
-            raise ValueError(
-                f"{name} is not a parameter of every model, and the sample leaves the model open "
-                f"(auto): only {', '.join(INSTRUMENT)} and thicknesses can be set. Name a model in "
-                "the sample to set others."
-            )
-
-
 def _begun_from(key: Key) -> str | None:
     """Return the label of the candidate, tried before, whose minima are near; None: of none."""
     if key.free:
@@ -178,7 +167,14 @@ def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitt
             f"the sample {str(which)!r} leaves nothing to choose: write 'auto' for one index in "
             "it, or several samples with 'or' between them; or use fit."
         )
-    _only_shared(base)
+    for name in base.names:
+        bare = name.partition("[")[0]
+        if bare not in INSTRUMENT and "thickness" not in bare:
+            raise ValueError(
+                f"{name} is not a parameter of every model, and the sample leaves the model open "
+                f"(auto): only {', '.join(INSTRUMENT)} and thicknesses can be set. Name a model in "
+                "the sample to set others."
+            )
     media = zip(which.prefixes, which.media, strict=True)
     k = next(f"{prefix}k" for prefix, medium in media if medium.index == AUTO)
 

@@ -147,7 +147,11 @@ def indices(spec: Spec, v: Mapping[str, Array], points: Points, eta_i: Any) -> l
     """
     repeated = points.place is not None
     at = jnp.asarray(points.distinct_um if repeated else points.wavelength_um)
-    outside = eta_i[_first_of(points)] if repeated and jnp.ndim(eta_i) else eta_i
+    outside = eta_i
+    if repeated and jnp.ndim(eta_i):  # at a row of each distinct wavelength
+        rows = jnp.arange(points.place.shape[0])
+        first = jnp.zeros(points.distinct_um.shape[0], rows.dtype).at[points.place].max(rows)
+        outside = eta_i[first]
     out = [slices_of(spec, i, v, at, outside) for i in range(len(spec.media.index))]
     # Else XLA repeats the model's formula for every angle and output.
     out = jax.tree.map(computed_once, out)
@@ -160,13 +164,6 @@ def _complex(parts: tuple[Array, ...]) -> Any:
     """Return the medium of `stack` from eta and k, or from those of both axes."""
     ordinary, *axis = (jax.lax.complex(*parts[i : i + 2]) for i in range(0, len(parts), 2))
     return Uniaxial(ordinary, *axis) if axis else ordinary
-
-
-def _first_of(points: Points) -> Array:
-    """Return a row (U,) of each distinct wavelength."""
-    count = points.distinct_um.shape[0]
-    rows = jnp.arange(points.place.shape[0])
-    return jnp.zeros(count, rows.dtype).at[points.place].max(rows)
 
 
 def thickness_um(spec: Spec, v: Mapping[str, Array], layer: int) -> Array:
@@ -200,8 +197,11 @@ def boundary(
     first: Pair = index[0][0][:2]
     if media.bare:
         both = powers(c, *first, eta_i, compensated=False)  # in half of the time
-        rho = ellipsometric_ratio(c, *first, eta_i) if pairs else None
-        return Light(*both, None if rho is None else _ellipse(rho))
+        if not pairs:
+            return Light(*both)
+        rho = ellipsometric_ratio(c, *first, eta_i)
+        share = 2.0 / (1.0 + rho.real**2 + rho.imag**2)
+        return Light(*both, (share - 1.0, rho.real * share, -rho.imag * share))
     layers = [
         (_complex(parts), thickness_um(spec, v, i) / len(slices), coherent)
         for i, (slices, coherent) in enumerate(zip(index[:-1], media.coherent, strict=True))
@@ -226,11 +226,6 @@ def boundary(
         both = 2.0 * found.cross.real / total, -2.0 * found.cross.imag / total
         ellipse = (found.R_s - found.R_p) / total, *both
     return Light(found.R_s, found.R_p, found.T_s, found.T_p, ellipse)
-
-
-def _ellipse(rho: Array) -> tuple[Array, Array, Array]:
-    share = 2.0 / (1.0 + rho.real**2 + rho.imag**2)
-    return share - 1.0, rho.real * share, -rho.imag * share
 
 
 def predicted(

@@ -77,10 +77,11 @@ _RISE, _CLEAR, _HIGHEST = 0.02, 1e-3, 6.0
 
 
 def of_a_solid(fit: Problem, y: np.ndarray) -> bool:
-    """Whether all fitted indices at y (p,) can be those of solids, at the measured wavelengths.
+    """Whether all fitted indices at y (p,) can be those of compact solids, where these were seen.
 
-    That is an index above that of air, up to 6 (of lead telluride), and without a rise with the
-    wavelength where nothing absorbs; source: see `_rising`.
+    That is from 1.25 (see `_low`) to 6 (lead telluride) where little absorbs, without a rise with
+    the wavelength where nothing does (see `_rising`). A film on a substrate of index m reflects
+    along the normal as one of index m / eta does: 1.39 on glass as 1.09.
     """
     u, waves = fit.u, np.unique(fit.seen.points.wavelength_um[fit.seen.measured, 0])
     values = u.spec.numbers(y, u.held)
@@ -94,7 +95,7 @@ def of_a_solid(fit: Problem, y: np.ndarray) -> bool:
             eta, k = (np.broadcast_to(a, waves.shape) for a in model.index(own, waves))  # pyright: ignore
         rise = np.maximum(np.diff(eta), 0.0)[np.maximum(k[1:], k[:-1]) < _CLEAR].sum()
         clear = eta[k < _LOW_K]
-        if rise > _RISE or (clear < 1.0).any() or (clear > _HIGHEST).any():
+        if rise > _RISE or (clear < _LOW_ETA).any() or (clear > _HIGHEST).any():
             return False
     return True
 

@@ -218,21 +218,27 @@ def _said(table, label: str):
     return next((table[name] for name in _names_of(label) if name in table), None)
 
 
-_ENERGY = re.compile(r"\.(plasma|width|resonance|strength|amplitude|gap|urbach)_ev2?(_\d+)?$")
+# Parameters whose range, around the measured energies or of clear media, is for searches; which of
+# them may be negative.
+_SEARCHED = re.compile(
+    r"\.([A-H]|(plasma|width|resonance|strength|amplitude|gap|urbach)_ev2?(_\d+)?)$"
+)
+_SIGNED = re.compile(r"\.[B-H]$")
 
 
 def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Unknown, bool]:
     """Return the unknown, and whether it is a constant (fixed in all fits of the program)."""
     value = _said(settings.fixed, label)
     low, high = parameter.low, parameter.high
+    floor = 0.0 if low >= 0.0 and not _SIGNED.search(parameter.name) else -math.inf
     bounds, prior = _said(settings.bounds, label), _said(settings.priors, label)
     asked = any(name in settings.free for name in _names_of(label))
     asked = asked or bounds is not None or prior is not None
     if value is None and parameter.held is not None and not asked:
         value = parameter.held
     if value is not None:
-        if _ENERGY.search(parameter.name):
-            low, high = 0.0, math.inf  # its range, around the measured energies, is for searches
+        if _SEARCHED.search(parameter.name):
+            low, high = floor, math.inf
         if not low <= value <= high or (parameter.coordinate == LOG and value <= 0.0):
             raise ValueError(
                 f"{label} is fixed at {value:g}; a value from {low:g} to {high:g} was wanted."
@@ -241,7 +247,6 @@ def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Un
         return Unknown(parameter, value, value), constant
     if bounds is not None:
         # The model's range is used only where no bound is given; a lower end of 0 is kept.
-        floor = 0.0 if low >= 0.0 else -math.inf
         least, most = max(bounds[0], floor), bounds[1]
         least = low if math.isinf(bounds[0]) else least
         most = high if math.isinf(most) else most

@@ -235,7 +235,7 @@ def thin_film(v: Mapping[str, Any]) -> str:
 def at_bound(v: Mapping[str, Any]) -> str:
     return (
         f"{v['parameter']} ended at the {v['end']} end of its range, {num(v['value'])}: it has no "
-        f"standard error{others_hold(v)}."
+        f"standard error{others_hold(v)}. If values beyond it make sense, widen the range (bounds)."
     )
 
 
@@ -251,6 +251,8 @@ def compatible_with_zero(v: Mapping[str, Any]) -> str:
     return (
         f"{v['parameter']} is compatible with 0 and too small for these data to determine: "
         f"{v['parameter']} < {num(v['limit'])} (95 %){others_hold(v)}."
+    ) + " Where the medium absorbs, a range below 0 (bounds) lets eta rise with the wavelength." * (
+        v["parameter"].rpartition(".")[2] == "B"
     )
 
 

@@ -24,31 +24,18 @@ _MILLIMETRES = re.compile(r"(?<![\d.])(\d+(?:\.\d+)?) ?mm(?![a-z])", re.IGNORECA
 
 def check_fit(measurements: Sequence[Measurement], sample: Sample) -> None:
     """Raise ValueError where the sample cannot be fitted to what was measured."""
-    check_quantities(measurements, sample)
-    for m in measurements:
-        _refuse_second_face(m, sample)
-        _refuse_unseen_fringes(m, sample)
-
-
-def _refuse_second_face(m: Measurement, sample: Sample) -> None:
-    """Raise ValueError for what is measured through two faces, and a sample with one.
-
-    A curve of the one can often be fitted with the other, and an index that is wrong.
-    """
-    behind = sorted(q for q in set(m.quantity.tolist()) if TABLE[q].of_layer)
-    if sample.bare and behind:
-        raise ValueError(
-            f"{m.source}: {', '.join(behind)} cannot be fitted with one bare surface, since "
-            "the light leaves or enters through a second one. Give the sample as a plate with "
-            f"its thickness, 'air | {sample.media[-1]} 3 mm thick | air'. Or name the columns to "
-            "be read without it (columns, --columns: angle=1,R_s=2)."
-        )
-
-
-def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> None:
-    """Raise ValueError where the sample does not predict a measured quantity."""
     for m in measurements:
         check_points(m, sample)
+        # A curve through two faces can often be fitted with one, and an index that is wrong.
+        behind = sorted(q for q in set(m.quantity.tolist()) if TABLE[q].of_layer)
+        if sample.bare and behind:
+            raise ValueError(
+                f"{m.source}: {', '.join(behind)} cannot be fitted with one bare surface, since "
+                "the light leaves or enters through a second one. Give the sample as a plate with "
+                f"its thickness, 'air | {sample.media[-1]} 3 mm thick | air'. Or name the columns "
+                "to be read without it (columns, --columns: angle=1,R_s=2)."
+            )
+        _refuse_unseen_fringes(m, sample)
     if any(not layer.thickness.coherent for layer in sample.layers if layer.thickness):
         names = [(_MILLIMETRES.search(PurePath(m.source).name), m.source) for m in measurements]
         named = {float(found[1]): source for found, source in names if found}
@@ -63,16 +50,12 @@ def check_quantities(measurements: Sequence[Measurement], sample: Sample) -> Non
 def _refuse_unseen_fringes(m: Measurement, sample: Sample) -> None:
     """Raise ValueError for a plate whose faces interfere although no fringe could be measured."""
     waves = np.unique(m.wavelength_um[np.isfinite(m.wavelength_um)])
-    if len(waves) < 2:
-        return
-    step = float(np.median(-np.diff(1.0 / waves)))
+    step = float(np.median(-np.diff(1.0 / waves))) if len(waves) > 1 else 0.0
     for layer in sample.layers:
         d = layer.thickness
-        if d is None or not d.coherent:
-            continue
-        least = d.low_um or d.start_um
+        least = (d.low_um or d.start_um) if d and d.coherent else 0.0
         between = 2.0 * _ETA * least * step
-        if least >= _PLATE_UM and between > _FRINGES:
+        if d and least >= _PLATE_UM and between > _FRINGES:
             plain = layer._replace(thickness=d._replace(graded=False))
             without = " and not 'graded'" if d.graded else ""
             raise ValueError(
