@@ -218,8 +218,7 @@ def _said(table, label: str):
     return next((table[name] for name in _names_of(label) if name in table), None)
 
 
-# Parameters whose range, around the measured energies or of clear media, is for searches; which of
-# them may be negative.
+# Parameters whose range (of the measured energies, of clear media) is for searches; any sign.
 _SEARCHED = re.compile(
     r"\.([A-H]|(plasma|width|resonance|strength|amplitude|gap|urbach)_ev2?(_\d+)?)$"
 )
