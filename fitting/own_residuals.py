@@ -84,7 +84,7 @@ def _linearised(targets: Targets, y: Array, *, spec: OwnSpec) -> tuple[Array, Ar
     return with_slopes(lambda lanes: spec.raw(lanes, targets)[0], y)
 
 
-_own_linearised = compiled(_linearised, ("spec",))
+_own_linearised = compiled(_linearised, "spec")
 
 
 def _range(name: str, what: Any, kind: str) -> tuple[float, float]:

@@ -69,8 +69,7 @@ class Spec(NamedTuple):
     names of the unknowns, in the order of y; coordinates: theirs. held: names of the constants.
     tied: (name, factor, of which). curves: for each channel the curve of every file, the number in
     ``scale_0``, ``background_0``. places: at how many a slit and a beam are averaged
-    (`instrument.with_places`). shared: whether other models are fitted to the same data (`choose`),
-    so that programs which they share are worth more calls.
+    (`instrument.with_places`).
     """
 
     media: Media
@@ -83,7 +82,6 @@ class Spec(NamedTuple):
     loss: str = "squares"
     priors: bool = False
     places: tuple[int, int] = (SLIT, BEAM)
-    shared: bool = False
 
     @property
     def only_powers(self) -> bool:

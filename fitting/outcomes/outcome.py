@@ -15,7 +15,7 @@ from fitting.outcomes.curvature import by_curvature
 from fitting.outcomes.doubtful_index import of_a_solid
 from fitting.outcomes.findings import Found, Subject, findings, findings_of_all
 from fitting.problem.evaluation import Evaluated
-from fitting.problem.lanes import STAGE, Ends, best_of, joined
+from fitting.problem.lanes import LANES, STAGE, Ends, best_of, joined
 from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
 from fitting.process.progress import tell
@@ -237,7 +237,7 @@ def _intervals(
         np.where(np.arange(count) <= OTHERS, wanted, QUADRATIC),
         total_reflection(fit.u, y, critical),
     )  # fmt: skip
-    at = Lanes(lambda y, row, _, steps: fit.pinned(y, row, noise, steps), fit.lanes)
+    at = Lanes(lambda y, row, _, steps: fit.pinned(y, row, noise, steps), LANES)
     found = intervals(fit.u, fit.limits, m, at, enough)
     return [jax.tree.map(lambda a, i=i: a[i], found) for i in range(count)]
 

@@ -7,7 +7,7 @@ itself tens of ms.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -20,22 +20,15 @@ from jax import Array
 from fitting.data.quantities import DELTAS
 from fitting.optics.observe import predicted
 from fitting.optics.spec import NCS, Spec
-from fitting.problem.lanes import Ends
+from fitting.problem.lanes import MOST, Ends, Limits, ahead, in_calls, run_lanes
 from fitting.problem.observations import Observations, ncs_of, ncs_weights, squares_of
-from fitting.problem.optics_inputs import spec_at
-from fitting.problem.programs import Bounds, Targets, rows_of, solve, weighted
-from fitting.problem.solver import START_DAMPING
+from fitting.problem.programs import Targets, rows_of, weighted
+from fitting.problem.solver import add
 from fitting.process.compiled import compiled, fit_settings
 from fresnel_jax.performance import computed_once
 
 # Lanes of one call, and of the smallest one: what they need is in the cache then.
 LANES, _FEW = 256, 16
-# So many of the lanes of a call end it, and those that are left go on together with those of other
-# calls: one lane of 256 would keep the others waiting, which ended after half its evaluations.
-_ENOUGH = 0.75
-# Evaluations in a stage, after which lanes that have ended make room, and in all. From so many on a
-# lane that is above the best one of its curve that has converged goes no further.
-_STAGE, _MOST, _FAIR = 10, 400, 60
 
 
 @dataclass(frozen=True)
@@ -137,66 +130,18 @@ class Curves:
         return squares_of(self.base._replace(**self._data))
 
 
-def _ahead(calls: Iterable[Any]) -> Iterator[Any]:
-    """Yield calls of programs, each once the next one is made: XLA runs beside what is done here.
-
-    jax returns from a call before its program has ended, and waits where its results are read.
-    """
-    last: list[Any] = []
-    for each in calls:
-        yield from last
-        last = [each]
-    yield from last
-
-
-def _calls(lanes: np.ndarray, width: int):
-    """Yield lanes in calls of one width: those that count, and all, the last of them repeated."""
-    for first in range(0, len(lanes), width):
-        some = lanes[first : first + width]
-        yield some, np.pad(some, (0, width - len(some)), "edge")
-
-
-@fit_settings()
 def run_curves(
-    spec: Spec, curves: Curves, start: np.ndarray, which: np.ndarray,
-    limits: tuple[np.ndarray, np.ndarray], dof: np.ndarray, most: int = _MOST,
+    spec: Spec, curves: Curves, start: np.ndarray, which: np.ndarray, limits: Limits,
+    dof: np.ndarray, most: int = MOST,
 ) -> Ends:  # fmt: skip
     """Return where starts (p, L) end, each on the curve of a number ``which``, (L,).
 
     limits: bounds (p,), or (p, L) of each lane. dof: (N,) of each curve. most: evaluations.
     """
-    low, high = (np.broadcast_to(a.reshape(len(a), -1), start.shape) for a in limits)
-    out, width = Ends.begun(np.clip(start, low, high)), curves.width
-    damping, todo = np.full(len(which), START_DAMPING), np.arange(len(which))
-
-    def begun(todo: np.ndarray) -> Iterator[tuple]:
-        for some, lanes in _calls(todo, width):
-            targets = curves.targets(which[lanes])
-            bounds = Bounds(
-                low[:, lanes], high[:, lanes], np.maximum(dof[which[lanes]], 1.0),
-                curves.squares[which[lanes]],
-            )  # fmt: skip
-            yield some, solve(
-                targets, out.y[:, lanes], damping[lanes], bounds, np.int64(min(_STAGE, most)),
-                spec=spec_at(spec, targets.points.angle_deg), enough=_ENOUGH,
-            )  # fmt: skip
-
-    while len(todo):
-        for some, found in _ahead(begun(todo)):
-            y, cost, done, used, left = (np.asarray(a)[..., : len(some)] for a in found)
-            out.y[:, some], out.done[some], damping[some] = y, done, left
-            out.cost[some] = np.where(np.isfinite(cost), cost, np.inf)
-            out.evaluations[some] += used
-        best = np.full(curves.count, np.inf)
-        np.minimum.at(best, which[out.done], out.cost[out.done])
-        worth = (out.evaluations < _FAIR) | (out.cost < best[which])
-        worth &= ~out.done & np.isfinite(out.cost) & (out.evaluations < most)
-        todo = todo[worth[todo]]
-    return out
-
-
-def _add(a: Sequence[Array], b: Sequence[Array]) -> list[Array]:
-    return [u + v for u, v in zip(a, b, strict=True)]
+    return run_lanes(
+        spec, lambda lanes: curves.targets(which[lanes]), start, limits,
+        np.maximum(dof[which], 1.0), curves.squares[which], most, curves.width, which,
+    )  # fmt: skip
 
 
 def triangle(columns: list[list[Array]]) -> Array:
@@ -210,7 +155,7 @@ def triangle(columns: list[list[Array]]) -> Array:
     while columns:
         first = columns[0]
         products = [sum(b * c for b, c in zip(first, each, strict=True)) for each in columns]
-        square, *along = jax.lax.reduce(products, [jnp.zeros(())] * len(products), _add, (0,))
+        square, *along = jax.lax.reduce(products, [jnp.zeros(())] * len(products), add, (0,))
         size = jnp.sqrt(square)
         inverse = jnp.where(size > 0.0, 1.0 / size, 0.0)
         along = [a * inverse for a in along]
@@ -254,7 +199,7 @@ def _evaluate(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, ...]:
     return rows, cost, plain, counts, (fours**2).sum((0, 1)), shown
 
 
-_evaluated = compiled(_evaluate, ("spec",))
+_evaluated = compiled(_evaluate, "spec")
 
 
 class Slopes(NamedTuple):
@@ -279,13 +224,11 @@ def _evaluations(
 ) -> Iterator[list[np.ndarray]]:
     """Yield what `_evaluate` returns at y (p, L) of the curves ``which``, lanes first."""
 
-    def begun() -> Iterator[tuple]:
-        for some, lanes in _calls(np.arange(len(which)), curves.width):
-            targets = curves.targets(which[lanes])
-            spec_here = spec_at(spec, targets.points.angle_deg)
-            yield some, _evaluated(targets, y[:, lanes], spec=spec_here)
-
-    for some, found in _ahead(begun()):
+    calls = (
+        (some, _evaluated(curves.targets(which[lanes]), y[:, lanes], spec=spec))
+        for some, lanes in in_calls(np.arange(len(which)), curves.width)
+    )
+    for some, found in ahead(calls):
         yield [np.moveaxis(np.asarray(a)[..., : len(some)], -1, 0) for a in found]
 
 

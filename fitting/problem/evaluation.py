@@ -14,8 +14,8 @@ from fitting.optics.spec import NCS
 from fitting.problem.observations import Observations, ncs_directions, observations, padded
 from fitting.problem.points import numbers, points_of
 from fitting.problem.programs import Targets, index_slopes
-from fitting.problem.slopes import Shown
-from fitting.problem.unknowns import Unknowns, index_outside
+from fitting.problem.slopes import shown_at_y
+from fitting.problem.unknowns import Unknowns, index_outside, spec_at
 from fitting.process.compiled import fit_settings
 from fitting.results.result_parts import Evaluator, IndexBand, Prediction
 from fitting.samples.sample import FREE, Sample
@@ -259,10 +259,10 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
             priors=False,
         )
         outside = index_outside(at.sample, seen.points.wavelength_um)
+        spec = spec_at(spec, seen.points.angle_deg)
         spec = with_places(spec, spec.numbers(at.y, u.held), seen.points, float(np.max(outside)))
         u, targets = u._replace(spec=spec), targets._replace(points=seen.points, eta_i=outside)
-    shown = Shown(u.spec, targets)
-    value, slope = shown(at.y)
+    value, slope = shown_at_y(u.spec, targets, at.y)
     error = _error(slope, at.covariance)
     of = dict(zip(seen.channels, error, strict=False))
     if NCS in of:
@@ -273,7 +273,7 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
     fitted = at_data(seen, value)
 
     def away(y: np.ndarray) -> np.ndarray:
-        off = np.abs(at_data(seen, shown(y)[0]) - fitted)
+        off = np.abs(at_data(seen, shown_at_y(u.spec, targets, y)[0]) - fitted)
         return np.where(seen.quantity == "delta", np.minimum(off, 360.0 - off), off)
 
     return fitted, _as_far(at, sigma, away)

@@ -1,18 +1,27 @@
-"""Lanes: where the starts of one fit are, which run side by side until they rest."""
+"""Lanes: starts of one fit, or of many, which run side by side until they rest."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from fitting.problem.programs import Targets, solve
+from fitting.problem.solver import START_DAMPING
+from fitting.process.compiled import fit_settings
+from fitting.process.progress import tell
 from fitting.samples.parameters import LOG, SQUARE, Unknown, from_parameter
 
-# Evaluations in a stage, and number of stages; a start goes on while it may become the best.
-STAGE, STAGES = 60, 8
-# Number of lanes side by side; of more starts the lowest after SIFT evaluations go on.
+# After STAGE evaluations a lane that is above the lowest one of its fit that has converged goes no
+# further; none takes more than MOST.
+STAGE, MOST = 60, 480
+# Number of starts that are followed; of more the lowest after SIFT evaluations go on.
 LANES, SIFT = 64, 12
+# Lanes of a call. When so many of them have ended the call ends, and those that are left go on
+# together with those of other calls: one lane would keep the others waiting, which ended after half
+# its evaluations. So they do after so many evaluations, if they fill more than one call.
+WIDTH, _ENOUGH, _FEW = 16, 0.75, 10
 
 # Lowest and highest values of unknowns in the solver's coordinates.
 Limits = tuple[np.ndarray, np.ndarray]
@@ -79,3 +88,67 @@ def best_of(ends: Ends) -> int | None:
     if not good.any():
         return None
     return int(np.argmin(np.where(good, ends.cost, np.inf)))
+
+
+def ahead(calls: Iterable[Any]) -> Iterator[Any]:
+    """Yield calls of programs, each once the next one is made: XLA runs beside what is done here.
+
+    jax returns from a call before its program has ended, and waits where its results are read.
+    """
+    last: list[Any] = []
+    for each in calls:
+        yield from last
+        last = [each]
+    yield from last
+
+
+def in_calls(lanes: np.ndarray, width: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield lanes in calls of one width: those that count, and all, the last of them repeated."""
+    for first in range(0, len(lanes), width):
+        some = lanes[first : first + width]
+        yield some, np.pad(some, (0, width - len(some)), "edge")
+
+
+@fit_settings()
+def run_lanes(
+    spec: Any, targets: Callable[[np.ndarray], Targets], start: np.ndarray, limits: Limits,
+    degrees: np.ndarray, scale: np.ndarray, most: int, width: int = WIDTH,
+    fit: np.ndarray | None = None,
+) -> Ends:  # fmt: skip
+    """Return where starts (p, L) are after ``most`` evaluations at most.
+
+    targets: returns those of some lanes by their numbers. limits: bounds (p,), or (p, L) of each
+    lane. degrees, scale: (L,), see `BatchLevenbergMarquardt`. width: lanes of a call. fit: (L,) the
+    number of the fit of each lane, among which the best is wanted; None: each lane is.
+    """
+    low, high = (np.broadcast_to(a.reshape(len(a), -1), start.shape) for a in limits)
+    out, todo = Ends.begun(np.clip(start, low, high)), np.arange(start.shape[1])
+    damping = np.full(len(todo), START_DAMPING)
+
+    def begun(todo: np.ndarray) -> Iterator[tuple]:
+        for some, lanes in in_calls(todo, width):
+            left = int((most - out.evaluations[some]).min())
+            options = {
+                "lower": low[:, lanes], "upper": high[:, lanes], "degrees": degrees[lanes],
+                "scale": scale[lanes], "damping": damping[lanes], "enough": _ENOUGH,
+                "max_steps": np.int64(min(_FEW if len(todo) > width else STAGE, left)),
+            }  # fmt: skip
+            yield some, solve(targets(lanes), out.y[:, lanes], options, spec=spec)
+
+    while len(todo):
+        for some, (y, stats) in ahead(begun(todo)):
+            y = np.asarray(y)[:, : len(some)]
+            end = {name: np.asarray(a)[..., : len(some)] for name, a in stats.items() if np.ndim(a)}
+            out.y[:, some], damping[some] = y, end["damping"]
+            finite = np.isfinite(end["cost"]) & np.isfinite(y).all(0)
+            out.cost[some] = np.where(np.isfinite(end["cost"]), end["cost"], np.inf)
+            out.done[some] = end["done"] & finite
+            out.evaluations[some] += end["evaluations"]
+        tell(done=0)
+        going = ~out.done & np.isfinite(out.cost) & (out.evaluations < most)
+        if fit is not None:
+            best = np.full(fit.max() + 1, np.inf)
+            np.minimum.at(best, fit[out.done], out.cost[out.done])
+            going &= (out.evaluations < STAGE) | (out.cost < best[fit])
+        todo = todo[going[todo]]
+    return out

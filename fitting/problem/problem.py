@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,22 +10,18 @@ import numpy as np
 from fitting.optics.spec import Spec
 from fitting.problem.lanes import (
     LANES,
+    MOST,
     SIFT,
-    STAGE,
-    STAGES,
     Ends,
     Limits,
     coordinate_bounds,
-    joined,
+    run_lanes,
     with_fixed,
 )
 from fitting.problem.observations import Observations
-from fitting.problem.programs import SOLVER, Bounds, Targets
-from fitting.problem.programs_in_parts import in_parts, solved_in_parts
-from fitting.problem.slopes import Shown, Slopes, loss_of, prior_rows, slopes_at
-from fitting.problem.solver import START_DAMPING
+from fitting.problem.programs import SOLVER, Targets
+from fitting.problem.slopes import Slopes, loss_of, prior_rows, slopes_at
 from fitting.problem.unknowns import Unknowns, terms_of
-from fitting.process.compiled import fit_settings
 from fitting.process.progress import heard, tell
 from fitting.samples.dispersion import Model
 from fitting.samples.parameters import Settings, value_and_slope
@@ -93,17 +88,12 @@ class Problem:
         # The solver ends a lane at SOLVER.rtol**2 / degrees.
         self.degrees = max(self.dof, 1.0) * (SOLVER.rtol / asked.rtol) ** 2
         self.limits = coordinate_bounds(u.moving)
-        self.lanes = LANES
+        self.lanes = LANES  # the number of starts that the search follows
         self.lowest = np.inf  # the cost of the best end that was reported
         self.fewer: np.ndarray | None = None  # the lowest ends (p, 8) of a model with a term less
         self.squares = seen.squares
         self.looked = 0  # how often residuals with their derivatives were formed, by `slopes`
         self.first: tuple[np.ndarray, Slopes] | None = None  # a start, of the caller's residuals
-
-    @cached_property
-    def shown(self) -> Shown:
-        """What the model shows at any y."""
-        return Shown(self.u.spec, self.targets)
 
     def in_order(self, y: np.ndarray) -> np.ndarray:
         """Return y (p, L), the terms of each lane by rising resonance unless they are named."""
@@ -135,19 +125,14 @@ class Problem:
         """Return the ends of the starts at this noise, terms in order.
 
         Of more than LANES starts the lowest after SIFT evaluations go on; then each goes on while
-        it is below the best finished one.
+        it may become the best.
         """
-        targets, y = self.targets_at(noise, priors), start
-        self.lanes, used = min(y.shape[1], LANES), 0
-        if y.shape[1] > LANES:
-            y, used = self.held(y, noise, SIFT, targets=targets).lowest(LANES), SIFT
-        ends, live = Ends.begun(y.copy()), np.arange(y.shape[1])
-        for _ in range(STAGES):
-            ends.put(live, self.held(ends.y[:, live], noise, STAGE, targets=targets))
-            best = np.min(ends.cost[ends.done], initial=np.inf)
-            live = np.flatnonzero(~ends.done & (ends.cost < best))
-            if not len(live):
-                break
+        targets, used = self.targets_at(noise, priors), 0
+        if start.shape[1] > LANES:
+            start, used = self._run(start, noise, SIFT, targets=targets).lowest(LANES), SIFT
+        self.lanes = start.shape[1]
+        one = np.zeros(self.lanes, int)
+        ends = self._run(start, noise, MOST, targets=targets, fit=one)
         if noise == 1.0:
             self._report(ends)
         return ends._replace(y=self.in_order(ends.y), evaluations=ends.evaluations + used)
@@ -176,29 +161,23 @@ class Problem:
         Terms stay in the order that they have. limits: bounds (p, S) of each start, if not those of
         all. targets: what is compared with other data than all.
         """
-        alike = targets is limits is None
-        spec, count = self.u.spec, start.shape[1]
-        targets = (targets or self.targets)._replace(noise=np.float64(noise))
-        low, high = (
-            np.broadcast_to(a.reshape(len(a), -1), start.shape) for a in limits or self.limits
-        )
-        size = self.degrees, self.squares / noise**2
-        bounds = Bounds(low, high, *(np.full(count, x) for x in size))
-        # A program of its own is compiled for one number of lanes, the last of which are repeated.
-        width, parts = count if in_parts(spec, targets) else self.lanes, []
-        for first in range(0, count, width):
-            pick = np.minimum(np.arange(first, first + width), count - 1)
-            own, damping = Bounds(*(a[..., pick] for a in bounds)), np.full(width, START_DAMPING)
-            y = np.clip(start[:, pick], own.lower, own.upper)
-            with fit_settings():
-                found = solved_in_parts(targets, y, damping, own, np.int64(steps), spec=spec)
-                y, cost, done, evaluations, _ = map(np.array, found)
-            tell()
-            parts.append(Ends(y, np.where(np.isfinite(cost), cost, np.inf), done, evaluations))
-        ends = Ends(*(a[..., :count] for a in joined(parts)))
-        if alike and noise == 1.0:
+        ends = self._run(start, noise, steps, limits, targets)
+        if targets is limits is None and noise == 1.0:
             self._report(ends)
         return ends
+
+    def _run(
+        self, start: np.ndarray, noise: float, most: int, limits: Limits | None = None,
+        targets: Targets | None = None, fit: np.ndarray | None = None,
+    ) -> Ends:  # fmt: skip
+        targets = (targets or self.targets)._replace(noise=np.float64(noise))
+        degrees, scale = (
+            np.full(start.shape[1], x) for x in (self.degrees, self.squares / noise**2)
+        )
+        return run_lanes(
+            self.u.spec, lambda _: targets, start, limits or self.limits, degrees, scale, most,
+            fit=fit,
+        )  # fmt: skip
 
     def pinned(self, start: np.ndarray, row: Any, noise: float, steps: int) -> Ends:
         """Return `held`, of starts (p, S) of each of which one coordinate stays.
@@ -213,7 +192,8 @@ class Problem:
         self.looked += 1
         if not isinstance(self.u.spec, Spec):
             return self.u.spec.slopes(self.targets, y)
-        return slopes_at(self.whole.seen, self.whole.shown, y)
+        whole = self.whole
+        return slopes_at(whole.u.spec, whole.seen, whole.targets, y)
 
     def lost(self, s: Slopes, y: np.ndarray) -> np.ndarray:
         """Return which unknowns (p,) ran off to y, where the data do not change with them any more.

@@ -20,7 +20,7 @@ from fitting.optics.spec import NCS, Points, Spec
 from fitting.problem.observations import Observations
 from fitting.problem.solver import BatchLevenbergMarquardt
 from fitting.problem.unknowns import Unknowns
-from fitting.process.compiled import compiled, in_turn
+from fitting.process.compiled import compiled
 from fitting.samples.parameters import to_parameter
 
 SOLVER = BatchLevenbergMarquardt()
@@ -58,24 +58,6 @@ def targets_of(u: Unknowns, seen: Observations, eta_i: Any) -> Targets:
         points=seen.points, values=seen.values, weights=seen.weights, ncs=seen.ncs,
         ncs_weights=seen.ncs_weights, noise=np.float64(1.0), prior=prior, prior_weight=weight,
         held=u.held, eta_i=eta_i,
-    )  # fmt: skip
-
-
-class Bounds(NamedTuple):
-    """Bounds for the solver, (p, L) each, and the number of degrees of freedom (L,)."""
-
-    lower: Any
-    upper: Any
-    degrees: Any
-    scale: Any
-
-
-def without_data(targets: Targets) -> Targets:
-    """Return the targets without the measured values, which the model alone does not need."""
-    none: Any = ()
-    return targets._replace(
-        values=none, weights=none, ncs=none, ncs_weights=none, noise=none, prior=none,
-        prior_weight=none,
     )  # fmt: skip
 
 
@@ -138,21 +120,13 @@ class Residuals(NamedTuple):
 
 
 def _solve(
-    targets: Targets, start: Array, damping: Array, bounds: Bounds, max_steps: Array, *, spec: Spec,
-    enough: float = 1.0,
-) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
-    """Return y, cost, done, evaluations and damping of lanes when a share ``enough`` is done."""
-    options = {
-        "lower": bounds.lower, "upper": bounds.upper, "degrees": bounds.degrees,
-        "scale": bounds.scale, "max_steps": max_steps, "damping": damping, "enough": enough,
-    }  # fmt: skip
+    targets: Targets, start: Array, options: dict[str, Any], *, spec: Any
+) -> tuple[Array, dict[str, Array]]:
+    """Return y (p, L) and the statistics of the lanes; see `BatchLevenbergMarquardt`."""
     solution = optx.least_squares(
         Residuals(spec), SOLVER, start, targets, options, max_steps=None, throw=False
     )
-    stats = solution.stats
-    cost = stats["sums"][0]
-    done = stats["done"] & jnp.isfinite(cost) & jnp.isfinite(solution.value).all(0)
-    return solution.value, cost, done, stats["evaluations"], stats["damping"]
+    return solution.value, solution.stats
 
 
 def rows_of(spec: Spec, found: Mapping[str, Any], shape: tuple[int, ...]) -> Array:
@@ -171,17 +145,17 @@ def with_slopes(f: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
     return value[..., 0], slope
 
 
-def _linearised(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, Array]:
+def _linearised(
+    y: Array, points: Points, held: Array, eta_i: Array, *, spec: Spec
+) -> tuple[Array, Array]:
     """Return the prediction of each channel at y (p,), (K, M), and its derivatives, (K, M, p).
 
     K counts NCS as three.
     """
 
     def seen(lanes: Array) -> Array:
-        values = spec.values(lanes, targets.held)
-        found = predicted(spec, values, targets.points, targets.eta_i)
-        shape = (targets.points.angle_deg.shape[0], lanes.shape[1])
-        return rows_of(spec, found, shape)
+        found = predicted(spec, spec.values(lanes, held), points, eta_i)
+        return rows_of(spec, found, (points.angle_deg.shape[0], lanes.shape[1]))
 
     return with_slopes(seen, y)
 
@@ -189,8 +163,7 @@ def _linearised(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, Array
 def _shown(points: Points, held: Array, eta_i: Array, *, spec: Spec) -> Array:
     """Return the prediction of each channel for fixed parameters, (K, M)."""
     found = predicted(spec, spec.values(jnp.zeros((0, 1)), held), points, eta_i)
-    shape = (points.angle_deg.shape[0], 1)
-    return rows_of(spec, found, shape)[..., 0]
+    return rows_of(spec, found, (points.angle_deg.shape[0], 1))[..., 0]
 
 
 def _index(
@@ -208,7 +181,7 @@ def _index(
     return with_slopes(at, y)
 
 
-solve = in_turn(compiled(_solve, ("spec", "enough")))
-linearised = in_turn(compiled(_linearised, ("spec",)))
-shown = compiled(_shown, ("spec",))
-index_slopes = compiled(_index, ("spec", "medium"))
+solve = compiled(_solve, "spec")
+linearised = compiled(_linearised, "spec")
+shown = compiled(_shown, "spec")
+index_slopes = compiled(_index, "spec", "medium")

@@ -8,47 +8,17 @@ import numpy as np
 
 from fitting.optics.spec import NCS, Spec
 from fitting.problem.observations import Observations
-from fitting.problem.programs import HUBER, Targets, linearised, robust, without_data
-from fitting.problem.programs_in_parts import ROWS, SLOTS, Blocks, Parts, filled, in_parts
+from fitting.problem.programs import HUBER, Targets, linearised, robust
 from fitting.problem.unknowns import Unknowns
 from fitting.process.compiled import fit_settings
 from fitting.samples.parameters import value_and_slope
 
 
-class Shown:
-    """What each channel of a fit shows, formed at many y: what stays the same is formed once."""
-
-    def __init__(self, spec: Spec, targets: Targets):
-        self.spec, self.targets = spec, without_data(targets)
-        with fit_settings():
-            self.parts = Parts(spec, self.targets) if in_parts(spec, targets) else None
-
-    def __call__(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what each channel shows at y (p,), (K, M), and its derivatives, (K, M, p)."""
-        with fit_settings():
-            if self.parts is None:
-                value, slope = linearised(self.targets, y, spec=self.spec)
-                return np.asarray(value), np.asarray(slope)
-            each = [_of_blocks(self.parts, blocks, y) for blocks in self.parts.blocks]
-        value, slope = (np.concatenate(a, 1) for a in zip(*each, strict=True))
-        return value, slope
-
-
-def _of_blocks(parts: Parts, blocks: Blocks, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the part of `Shown` in some blocks."""
-    trial = np.repeat(filled(y[:, None]), SLOTS, 1)
-    *each, columns = parts.shown(trial, np.zeros(blocks.columns, int), blocks)
-    shown, slopes = (
-        np.asarray(a).reshape(*a.shape[:-1], ROWS, blocks.columns)[..., : blocks.count]
-        for a in each
-    )
-    by_unknown = sum(
-        d[..., None] * np.moveaxis(np.asarray(c)[: len(y), :, : blocks.count], 0, -1)
-        for d, c in zip(slopes, columns, strict=True)
-    )
-    # rows before columns
-    each = np.swapaxes(shown, 1, 2), np.swapaxes(by_unknown, 1, 2)
-    value, slope = (a.reshape(len(a), -1, *a.shape[3:]) for a in each)
+def shown_at_y(spec: Spec, targets: Targets, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what each channel shows at y (p,), (K, M), and its derivatives, (K, M, p)."""
+    with fit_settings():
+        both = linearised(y, targets.points, targets.held, targets.eta_i, spec=spec)
+        value, slope = map(np.asarray, both)
     return value, slope
 
 
@@ -68,9 +38,9 @@ class Slopes(NamedTuple):
     kind: np.ndarray
 
 
-def slopes_at(seen: Observations, shown: Shown, y: np.ndarray) -> Slopes:
+def slopes_at(spec: Spec, seen: Observations, targets: Targets, y: np.ndarray) -> Slopes:
     """Return residuals and derivatives with respect to the solver's coordinates y (p,)."""
-    value, slope = shown(y)
+    value, slope = shown_at_y(spec, targets, y)
     alone = len(seen.values)
     measured, W = np.zeros_like(value), np.zeros((len(value), *value.shape))
     for i, (v, w) in enumerate(zip(seen.values, seen.weights, strict=True)):

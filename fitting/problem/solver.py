@@ -31,10 +31,9 @@ import optimistix as optx
 from jax import Array
 from jaxtyping import PyTree
 
-from fitting.problem import many_unknowns
-
-# Up to that many unknowns the Cholesky factor is unrolled.
-FEW_UNKNOWNS = 6
+# A pivot below so many eps of its diagonal is rounding (the data do not distinguish two unknowns);
+# it is raised to that, which keeps the step finite.
+_LEAST_PIVOT = 64.0
 # XLA ends the process when it compiles a `lax.reduce` of a thousand operands, those of 44 unknowns.
 _MOST_SUMS = 900
 START_DAMPING = 1e-3
@@ -51,9 +50,9 @@ NO_NOISE, _WITHOUT_NOISE = 1e-12, 1e-6
 class BatchState(NamedTuple):
     """State of a batch: the sums at y, and the next step that follows from them.
 
-    sums: normal equations packed as `normal_sums` has them. trial, promised: the damped step (p, L)
-    and the decrease of the cost by the linear model (L,). full: the same step without damping.
-    done, damping, evaluations: (L,). steps: ().
+    sums: as `normal_sums` has them, (p + 1, p + 1, L). trial, promised: the damped step (p, L) and
+    the decrease of the cost by the linear model (L,). full: the same step without damping. done,
+    damping, evaluations: (L,). steps: ().
     """
 
     sums: Array
@@ -66,29 +65,8 @@ class BatchState(NamedTuple):
     steps: Array
 
 
-def _pairs(p: int) -> list[tuple[int, int]]:
-    return [(i, j) for i in range(p + 1) for j in range(i, p + 1)]
-
-
-def unpack(sums: Array, p: int) -> tuple[Array, Array, Array]:
-    """Return cost (L,), gradient J^T r (p, L) and matrix J^T J (p, p, L) of packed sums."""
-    at = {pair: i for i, pair in enumerate(_pairs(p))}
-    span = range(1, p + 1)
-    where = [[at[min(i, j), max(i, j)] for j in span] for i in span]
-    if p > FEW_UNKNOWNS:
-        return sums[0], sums[1 : p + 1], sums[np.array(where)]
-    matrix = [jnp.stack([sums[i] for i in row]) for row in where]
-    return sums[0], sums[1 : p + 1], jnp.stack(matrix)
-
-
-def packed(matrix: Array) -> Array:
-    """Return the sums of a whole matrix (p + 1, p + 1, L) of [residual, J]^T [residual, J]."""
-    pairs = np.array(_pairs(len(matrix) - 1))
-    return matrix[pairs[:, 0], pairs[:, 1]]
-
-
 def normal_sums(fn: Callable, y: Array, args: PyTree) -> Array:
-    """Return the normal equations of every lane, packed: r.r, r.J_1, ..., J_1.J_1, J_1.J_2, ...
+    """Return [r, J]^T [r, J] of residuals r and derivatives J of every lane, (p + 1, p + 1, L).
 
     ``fn(y, args)`` gives a pytree of (..., L) arrays of one shape, and None.
 
@@ -101,19 +79,24 @@ def normal_sums(fn: Callable, y: Array, args: PyTree) -> Array:
     (residual, _), along = jax.linearize(lambda z: fn(z, args), y)
     columns = [along(jnp.zeros_like(y).at[j].set(1.0))[0] for j in range(p)]
     together = list(zip(*map(jax.tree.leaves, [residual, *columns]), strict=True))
-    if len(_pairs(p)) > _MOST_SUMS:
+    first, second = np.triu_indices(p + 1)
+    if len(first) > _MOST_SUMS:
         rows = [jnp.stack(leaves).reshape(p + 1, -1, y.shape[1]) for leaves in together]
         whole = jnp.concatenate(rows, 1)
-        return packed(jnp.einsum("pml,qml->pql", whole, whole))
+        return jnp.einsum("pml,qml->pql", whole, whole)
     products: list[Array] = []
     for leaves in together:
-        of_leaf = [leaves[i] * leaves[j] for i, j in _pairs(p)]
-        products = _add(products, of_leaf) if products else of_leaf
+        of_leaf = [leaves[i] * leaves[j] for i, j in zip(first, second, strict=True)]
+        products = add(products, of_leaf) if products else of_leaf
     zero = [jnp.zeros((), y.dtype)] * len(products)
-    return jnp.stack(jax.lax.reduce(products, zero, _add, range(products[0].ndim - 1)))
+    sums = jnp.stack(jax.lax.reduce(products, zero, add, range(products[0].ndim - 1)))
+    place = np.zeros((p + 1, p + 1), int)
+    place[first, second] = place[second, first] = np.arange(len(first))
+    return sums[place]
 
 
-def _add(a: Sequence[Array], b: Sequence[Array]) -> list[Array]:
+def add(a: Sequence[Array], b: Sequence[Array]) -> list[Array]:
+    """Return the sums of two lists of arrays, as `jax.lax.reduce` asks for them."""
     return [u + v for u, v in zip(a, b, strict=True)]
 
 
@@ -121,45 +104,42 @@ def _add(a: Sequence[Array], b: Sequence[Array]) -> list[Array]:
 def solve_lanes(matrix: Array, rhs: Array, free: Array) -> Array:
     """Return x with ``matrix x = rhs`` in each lane over the ``free`` unknowns, 0 for the others.
 
-    Cholesky, unrolled over the p unknowns. A pivot below 1e-15 of its diagonal is rounding (the
-    data do not distinguish two unknowns); it is raised to that, which keeps the step finite.
+    matrix (p, p, L), rhs and free (p, L). Cholesky in a loop, whose program takes .15 s to compile
+    for any number of unknowns; unrolled it takes 1 s for four unknowns, 7 s for twelve. Not LAPACK:
+    jaxlib 0.10.2 divides its calls among the threads of XLA and waits for them, so that two fits of
+    more than 20 unknowns side by side wait for each other forever.
     """
-    p = rhs.shape[0]
-    if p > FEW_UNKNOWNS:
-        return many_unknowns.solve_lanes(matrix, rhs, free)
-    one = jnp.ones_like(rhs[0])
-    a = [[jnp.where(free[i] & free[j], matrix[i, j], 0.0) for j in range(p)] for i in range(p)]
-    rows: list[list[Array]] = []
-    inverse: list[Array] = []
-    for i in range(p):
-        row = []
-        diagonal = jnp.where(a[i][i] > 0.0, a[i][i], one)
-        pivot = diagonal
-        for j in range(i):
-            entry = a[i][j] - sum((row[m] * rows[j][m] for m in range(j)), jnp.zeros_like(one))
-            entry = entry * inverse[j]
-            row.append(entry)
-            pivot = pivot - entry * entry
-        inverse.append(jax.lax.rsqrt(jnp.maximum(pivot, 1e-15 * diagonal)))
-        rows.append(row)
-    z: list[Array] = []
-    for i in range(p):
-        right = jnp.where(free[i], rhs[i], 0.0)
-        z.append((right - sum((rows[i][j] * z[j] for j in range(i)), 0.0)) * inverse[i])
-    x: list[Array] = [one] * p
-    for i in reversed(range(p)):
-        rest = sum((rows[j][i] * x[j] for j in range(i + 1, p)), 0.0)
-        x[i] = (z[i] - rest) * inverse[i]
-    return jnp.where(free, jnp.stack(x), 0.0)
+    p = len(rhs)
+    diagonal = jnp.where(free, jnp.einsum("iil->il", matrix), 0.0)
+    size = jnp.where(diagonal > 0.0, jax.lax.rsqrt(jnp.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
+    unit = jnp.where(free[:, None] & free[None], matrix, 0.0) * size[:, None] * size[None]
+    unit = jnp.where(jnp.eye(p, dtype=bool)[..., None], 1.0, unit)
+    rows = jnp.concatenate([unit, jnp.where(free, rhs * size, 0.0)[:, None]], 1)
+    least = _LEAST_PIVOT * jnp.finfo(rows.dtype).eps
+    column = jnp.arange(p + 1)[:, None]
+
+    def eliminated(j: Array, rows: Array) -> Array:
+        pivot = jnp.maximum(rows[j, j], least)
+        row = jnp.where(column > j, rows[j], jnp.where(column == j, pivot, 0.0))
+        row = row * jax.lax.rsqrt(pivot)
+        below = jnp.where(column[:p] > j, row[:p], 0.0)
+        return (rows - below[:, None] * row).at[j].set(row)
+
+    def substituted(i: Array, x: Array) -> Array:
+        j = p - 1 - i
+        row = jnp.where(column[:p] > j, factor[j, :p], 0.0)
+        return x.at[j].set((x[j] - (row * x).sum(0)) / factor[j, j])
+
+    factor = jax.lax.fori_loop(0, p, eliminated, rows)
+    return jax.lax.fori_loop(0, p, substituted, factor[:, p]) * size
 
 
 def bounded_step(
     y: Array, sums: Array, lower: Array, upper: Array, damping: Array
 ) -> tuple[Array, Array]:
     """Return the damped step within the bounds, and the decrease of the cost by the model."""
-    p = y.shape[0]
-    _, gradient, matrix = unpack(sums, p)
-    damped = matrix * (1.0 + jnp.eye(p, dtype=y.dtype)[:, :, None] * damping)
+    gradient, matrix = sums[0, 1:], sums[1:, 1:]
+    damped = matrix * (1.0 + jnp.eye(len(y), dtype=y.dtype)[:, :, None] * damping)
 
     def out_of(step: Array) -> Array:
         return ((y <= lower) & (step < 0.0)) | ((y >= upper) & (step > 0.0))
@@ -194,17 +174,16 @@ def bent(before: Array, after: Array, move: Array, step: Array, damping: Array) 
     of the residuals r along the move d that it needs, J^T r'' = J^T (dJ) d, follows from the normal
     matrices before and after the move, (A' - A) d, but for what is small across a narrow valley.
     """
-    p = len(step)
-    _, _, matrix = unpack(after, p)
-    bend = ((matrix - unpack(before, p)[2]) * move[None]).sum(1)
-    scale = jnp.stack([matrix[i, i] for i in range(p)])
+    matrix = after[1:, 1:]
+    bend = ((matrix - before[1:, 1:]) * move[None]).sum(1)
+    scale = jnp.einsum("iil->il", matrix)
 
     def product(a: Array, b: Array) -> Array:
         return (scale * a * b).sum(0)
 
     # The next step is so many times the last one.
     times = product(move, step) / jnp.where(product(move, move) > 0.0, product(move, move), 1.0)
-    damped = matrix * (1.0 + jnp.eye(p)[:, :, None] * jnp.maximum(damping, _BEND_DAMPING))
+    damped = matrix * (1.0 + jnp.eye(len(step))[:, :, None] * jnp.maximum(damping, _BEND_DAMPING))
     aside = -0.5 * times**2 * solve_lanes(damped, bend, step != 0.0)
     short = product(aside, aside) <= _LONGEST_BEND**2 * product(step, step)
     return step + jnp.where(short, aside, 0.0)
@@ -220,8 +199,9 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
 
     ``options``: "lower", "upper" (p, L) bounds; "degrees" (L,), data minus unknowns, at least 1;
     "scale" (L,); "max_steps" (), a traced number, after which the remaining lanes stop (not done);
-    "damping" (L,), START_DAMPING if absent. Statistics of the solution: "sums", "damping", "done",
-    "evaluations", and "step", the last undamped step, not taken.
+    "damping" (L,), START_DAMPING if absent; "enough", the share of lanes that, once done, ends the
+    call (1). Statistics of the solution: "cost", "damping", "done", "evaluations", and "step", the
+    last undamped step, not taken.
     """
 
     rtol: float = 0.01
@@ -242,33 +222,19 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         contains the residual function once and not twice (half a second to compile).
         """
         del fn, args, f_struct, aux_struct, tags
-        return self.begun(y, options.get("damping", jnp.zeros_like(y[0]) + START_DAMPING))
-
-    def begun(self, y: Array, damping: Array) -> BatchState:
-        """Return the state before the start."""
         p, none = y.shape[0], jnp.zeros_like(y[0])
-        sums = jnp.zeros((len(_pairs(p)), *none.shape), y.dtype).at[0].set(jnp.inf)
-        count = jnp.zeros(none.shape, jnp.int32)
-        zero = jnp.zeros_like(y)
+        sums = jnp.zeros((p + 1, p + 1, *none.shape), y.dtype).at[0, 0].set(jnp.inf)
+        damping = options.get("damping", none + START_DAMPING)
+        count, zero = jnp.zeros(none.shape, jnp.int32), jnp.zeros_like(y)
         return BatchState(sums, damping, zero, none, zero, none > 0.0, count, jnp.array(0))
 
     def step(self, fn, y, args, options, state, tags):
         """Return (y, state) after one trial step of every lane that is not done."""
         del tags
-        trial = self.next_trial(y, options, state)
-        return *self.advanced(y, trial, normal_sums(fn, trial, args), options, state), None
-
-    def next_trial(self, y: Array, options: dict[str, Any], state: BatchState) -> Array:
-        """Return where each lane is evaluated next, (p, L)."""
-        trial = jnp.clip(y + state.trial, options["lower"], options["upper"])
-        return jnp.where(state.done, y, trial)
-
-    def advanced(
-        self, y: Array, trial: Array, sums: Array, options: dict[str, Any], state: BatchState
-    ) -> tuple[Array, BatchState]:
-        """Return (y, state) after a trial whose normal equations are known."""
         lower, upper = options["lower"], options["upper"]
-        fell = state.sums[0] - sums[0]
+        trial = jnp.where(state.done, y, jnp.clip(y + state.trial, lower, upper))
+        sums = normal_sums(fn, trial, args)
+        fell = state.sums[0, 0] - sums[0, 0]
         better = (fell > 0.0) & ~state.done
         gain = fell / jnp.where(state.promised > 0.0, state.promised, 1.0)
         # With a good model (gain near 1) damping falls fast, so that 3 or 4 evaluations suffice.
@@ -285,28 +251,22 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         step, falls = bounded_step(twice[0], twice[1], twice[2], twice[3], both)
         lanes = y.shape[1]
         promised, fall = falls[:lanes], falls[lanes:]
-        nothing = self._nothing(sums[0], options)
+        cost = sums[0, 0]
+        nothing = self._nothing(cost, options)
         # Or the step is refused and damped until it gains nothing, since no neighbour has a lower
         # cost; or the start has no finite cost.
-        ended = (fall <= nothing) | (~better & (promised <= nothing)) | ~jnp.isfinite(sums[0])
+        ended = (fall <= nothing) | (~better & (promised <= nothing)) | ~jnp.isfinite(cost)
         ahead = jnp.where(
             better & (state.evaluations > 0),
             bent(before, sums, move, step[:, :lanes], damping),
             step[:, :lanes],
         )
-        return (
-            y,
-            BatchState(
-                sums,
-                damping,
-                ahead,
-                promised,
-                step[:, lanes:],
-                state.done | ended,
-                state.evaluations + jnp.where(state.done, 0, 1).astype(jnp.int32),
-                state.steps + 1,
-            ),
-        )
+        evaluations = state.evaluations + jnp.where(state.done, 0, 1).astype(jnp.int32)
+        done, full = state.done | ended, step[:, lanes:]
+        after = BatchState(
+            sums, damping, ahead, promised, full, done, evaluations, state.steps + 1
+        )  # fmt: skip
+        return y, after, None
 
     def terminate(self, fn, y, args, options, state, tags):
         """Return whether enough lanes are done or the steps are used up, and success."""
@@ -319,7 +279,7 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         """Return y, and in the statistics the state of every lane with the step not taken."""
         del fn, args, tags, result, options
         stats = {
-            "sums": state.sums,
+            "cost": state.sums[0, 0],
             "damping": state.damping,
             "done": state.done,
             "evaluations": state.evaluations,

@@ -86,6 +86,14 @@ def spectrum_of(measurements: Sequence[Measurement], sample: Sample) -> Spectrum
     return Spectrum(low, high, outside, sample.bare and not ellipsometry, step)
 
 
+def spec_at(spec: Spec, angle_deg: np.ndarray) -> Spec:
+    """Return the spec at these angles: if all are 0, what s shows is that of both."""
+    names = {*spec.moving, *spec.held, *(name for name, _, _ in spec.tied)}
+    tilted = np.any(angle_deg) or {"angle_offset", "divergence"} & names
+    normal = spec.only_powers and not tilted
+    return spec._replace(media=spec.media._replace(normal=normal))
+
+
 class _Offered(NamedTuple):
     """A parameter that a fit may have. quiet: shown only if there is a setting for it.
 
@@ -319,8 +327,8 @@ def unknowns(
         tied=tuple(tied),
         loss=loss,
         priors=any(u.prior is not None for u in moving),
-        shared=settings.shared,
     )
+    spec = spec_at(spec, seen.points.angle_deg)
     spec = with_places(spec, largest([*moving, *held]), seen.points, spectrum.eta_i)
     mentioned = {name.partition("[")[0] for name in said.names} | set(said.names)
     labels = {

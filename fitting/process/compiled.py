@@ -50,24 +50,18 @@ def _known_options() -> dict[str, Any]:
     return known
 
 
-# Whether jax had run in the process from which this one was forked: a fork copies no threads but
-# the one that called it, and the first program would wait for those of XLA without end.
-_ran_before_fork = False
-_threads_left_behind = False
+# The processes that jax had run in when they were forked: a fork copies no threads but the one that
+# called it, and in the child the first program would wait for those of XLA without end.
+_forked = set[int]()
 
 
 def _before_fork() -> None:
-    global _ran_before_fork
-    _ran_before_fork = jax_has_begun()  # in the child it might wait for a lock of jax without end
-
-
-def _after_fork() -> None:
-    global _threads_left_behind
-    _threads_left_behind = _ran_before_fork
+    if jax_has_begun():  # in the child it might wait for a lock of jax without end
+        _forked.add(os.getpid())
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(before=_before_fork, after_in_child=_after_fork)
+    os.register_at_fork(before=_before_fork)
 
 
 @contextlib.contextmanager
@@ -82,7 +76,7 @@ def fit_settings(*, own_function: bool = False) -> Iterator[None]:
         the caller has set it (`own_residuals` hands on the switches for promotion).
     Raises RuntimeError in a process forked from one in which jax had run.
     """
-    if _threads_left_behind:
+    if _forked - {os.getpid()}:
         raise RuntimeError(
             "this process was forked from one in which jax had run, and would wait without end for "
             "threads of jax that a fork does not copy. Start it in another way: "
@@ -102,39 +96,26 @@ def fit_settings(*, own_function: bool = False) -> Iterator[None]:
         yield
 
 
-def compiled(function: Callable, static: tuple[str, ...]) -> Callable:
-    """Return ``function`` jitted, with the arguments named in ``static`` static."""
-    made: list[Callable] = []
+def compiled(function: Callable, *static: str) -> Callable:
+    """Return ``function`` jitted, with the arguments named static.
 
-    @functools.wraps(function)
-    def call(*args: Any, **kwargs: Any) -> Any:
-        if not made:
-            options = _known_options()
-            with _making:  # two programs made at once by two threads would both be compiled
-                if not made:
-                    made.append(jax.jit(function, static_argnames=static, compiler_options=options))
-        return made[0](*args, **kwargs)
-
-    return call
-
-
-def in_turn(program: Callable, by_first: bool = False) -> Callable:
-    """Return a compiled program which only one thread compiles if several call it first.
-
-    by_first: whether the shapes of all arguments follow from that of the first one and from the
-    static ones. To compare the shapes of all of them takes a tenth of a millisecond.
+    If several threads call it first for the same shapes, which follow from those of its first two
+    arguments and from what is static, one of them compiles and the others wait.
     """
+    made = functools.cache(
+        lambda: jax.jit(function, static_argnames=static, compiler_options=_known_options())
+    )
     known: set[Hashable] = set()
     locks: dict[Hashable, threading.Lock] = defaultdict(threading.Lock)
 
-    @functools.wraps(program)
-    def call(*args: Any, **static: Any) -> Any:
-        sizes = (
-            [getattr(args[0], "shape", ())] if by_first else map(np.shape, jax.tree.leaves(args))
-        )
-        key = *static.values(), *sizes
+    @functools.wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        own = (kwargs[name] for name in static if name in kwargs)
+        key = *own, *map(np.shape, jax.tree.leaves(args[:2]))
         with contextlib.nullcontext() if key in known else locks[key]:
-            out = program(*args, **static)
+            with _making:  # two programs made at once by two threads would both be compiled
+                program = made()
+            out = program(*args, **kwargs)
         known.add(key)
         return out
 

@@ -22,7 +22,6 @@ from fitting.problem.lanes import Ends, joined
 from fitting.problem.observations import observations
 from fitting.problem.problem import Problem
 from fitting.problem.programs import targets_of
-from fitting.problem.programs_in_parts import in_parts
 from fitting.problem.unknowns import index_outside
 from fitting.samples.sample import Sample
 from fitting.searching.film_starts import films_of
@@ -64,13 +63,11 @@ def with_fewer_rows(fit: Problem, sample: Sample, measurements: Sequence[Measure
         return fit
     seen, u = fit.seen, fit.u
     films = films_of(u.spec, u.moving)
-    # A surface has a program in parts, which serves any number of rows, or one of its own.
-    if films or (in_parts(u.spec, fit.targets) and not any(u.spec.media.coherent)):
-        some = (_LEAST, films[0].high_um) if films else (_LEAST_OF_BARE, 0.0)
-        fewer = observations([_some(m, *some) for m in measurements], fit.asked.errors)
-        same = (fewer.channels, fewer.curves, fewer.stated)
-        if same == (seen.channels, seen.curves, seen.stated):
-            seen = fewer
+    some = (_LEAST, films[0].high_um) if films else (_LEAST_OF_BARE, 0.0)
+    fewer = observations([_some(m, *some) for m in measurements], fit.asked.errors)
+    same = (fewer.channels, fewer.curves, fewer.stated)
+    if same == (seen.channels, seen.curves, seen.stated):
+        seen = fewer
     if max(u.spec.places) > max(SLIT, BEAM):
         u = u._replace(spec=u.spec._replace(places=(_PLACES, _PLACES)))
     if len(seen.row) == len(fit.seen.row) and u is fit.u:

@@ -13,7 +13,6 @@ from fitting.optics.spec import NCS, Spec
 from fitting.problem.lanes import LANES
 from fitting.problem.observations import Observations
 from fitting.problem.problem import Problem
-from fitting.problem.programs_in_parts import ROWS
 from fitting.process.compiled import compiled, fit_settings
 from fitting.samples.parameters import Unknown, from_parameter, start_range, value_and_slope
 from fitting.searching.fringes import likely_thicknesses, phase_rate
@@ -32,6 +31,8 @@ _INDEX = {
 }  # fmt: skip
 # A film of fewer fringes at most has none to be found by, beside one that has more.
 _LEAST_FRINGES = 0.5
+# Rows of a call; the lanes of one are LANES.
+_ROWS = 64
 
 
 class Film(NamedTuple):
@@ -47,7 +48,7 @@ def _index(y: Any, held: Any, wavelength_um: Any, eta_i: Any, *, spec: Spec, med
     return medium_index(spec, medium, spec.values(y, held), wavelength_um, eta_i)
 
 
-_index_of = compiled(_index, ("spec", "medium"))
+_index_of = compiled(_index, "spec", "medium")
 
 
 def films_of(spec: Spec, moving: Sequence[Unknown]) -> list[Film]:
@@ -87,16 +88,16 @@ def film_index(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
     rows, count = len(fit.seen.points.wavelength_um), y.shape[1]
     # One program for all numbers of rows and lanes: blocks of both, the last ones filled up.
     um, eta_i = (
-        np.pad(np.broadcast_to(a, (rows, 1)), ((0, -rows % ROWS), (0, 0)), "edge")
+        np.pad(np.broadcast_to(a, (rows, 1)), ((0, -rows % _ROWS), (0, 0)), "edge")
         for a in (fit.seen.points.wavelength_um, fit.targets.eta_i)
     )
     whole = np.pad(y, ((0, 0), (0, -count % LANES)), "edge")
     out = np.empty((2, len(um), whole.shape[1]))
     with fit_settings():
         for row, lane in itertools.product(
-            range(0, len(um), ROWS), range(0, whole.shape[1], LANES)
+            range(0, len(um), _ROWS), range(0, whole.shape[1], LANES)
         ):
-            block, some = slice(row, row + ROWS), slice(lane, lane + LANES)
+            block, some = slice(row, row + _ROWS), slice(lane, lane + LANES)
             out[0, block, some], out[1, block, some] = _index_of(
                 whole[:, some], fit.u.held, um[block], eta_i[block],
                 spec=fit.u.spec, medium=film.medium,

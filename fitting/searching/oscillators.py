@@ -22,8 +22,6 @@ import numpy as np
 
 from fitting.problem.lanes import LANES, Ends, best_of, joined
 from fitting.problem.problem import Problem
-from fitting.problem.programs_in_parts import in_parts
-from fitting.problem.slopes import slopes_at
 from fitting.problem.unknowns import terms_of
 from fitting.samples.parameters import LOG, from_parameter, value_and_slope
 from fitting.searching.last_steps import followed
@@ -38,8 +36,7 @@ _BELOW, _ABOVE = 0.7, 1.7
 # Directions of the other parameters with less than this part of the largest effect are rounding,
 # and so is what is left of the effect of a line below this part of its square.
 _SEEN, _LEFT = 1e-9, 1e-12
-# Of more wavelengths those are looked at that a search takes, if its programs suit any number of
-# rows; else of 2,000 every second one, of 3,000 every third, and so on.
+# Of 2,000 wavelengths every second one is looked at, of 3,000 every third, and so on.
 _MANY = 1000
 
 
@@ -72,27 +69,20 @@ def oscillator(energy: np.ndarray, resonance: Any, width: Any) -> np.ndarray:
     return 1.0 / (resonance**2 - energy**2 - 1j * energy * width)
 
 
-def _looked_at(fit: Problem) -> Problem:
-    """Return the fit whose residuals are to be explained: of all data, or of some of many."""
-    many = len(np.unique(fit.whole.seen.points.wavelength_um)) > _MANY
-    return fit if many and in_parts(fit.u.spec, fit.targets) else fit.whole
-
-
 def by_eps(fit: Problem, y: np.ndarray, term: list[int]) -> Responses:
     """Return the responses at y (p,), where the oscillator ``term`` has hardly any strength.
 
     The derivatives by its strength at two resonances and widths, whose eps differ in phase at every
     energy (one far above the spectrum, one broad), give those by eps_1 and by eps_2.
     """
-    looked = _looked_at(fit)
-    every = HC_EV_UM / looked.seen.points.wavelength_um[:, 0]
+    every = HC_EV_UM / fit.whole.seen.points.wavelength_um[:, 0]
     low, high = every.min(), every.max()
     columns, shapes = [], []
     for resonance, width in ((5.0 * high, 1e-2 * low), (np.sqrt(low * high), 10.0 * high)):
         at = y.copy()
         at[term[1:]] = np.log([resonance, width])
         at = np.clip(at, *fit.limits)
-        slopes = slopes_at(looked.seen, looked.shown, at)
+        slopes = fit.slopes(at)
         energy = every[slopes.row]
         strength, *of = np.exp(at[term])
         columns.append(slopes.jacobian[:, term[0]] / strength)

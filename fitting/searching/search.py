@@ -23,7 +23,7 @@ from fitting.problem.problem import Kept, Problem
 from fitting.problem.programs import Targets
 from fitting.problem.unknowns import terms_of
 from fitting.process.progress import tell
-from fitting.searching.fewer_rows import FOLLOWED, followed_with_all
+from fitting.searching.fewer_rows import followed_with_all
 from fitting.searching.minima import lowest_ends
 from fitting.searching.neighbours import with_neighbours
 from fitting.searching.oscillators import likely_lines, oscillators, with_far_oscillators
@@ -154,9 +154,7 @@ def searched(job: Problem, few: Problem, points: np.ndarray) -> tuple[Ends, floa
         few.fewer = near
     again = same and job.asked.near == job.asked.kept_as
     count = points.shape[1] if thorough and not again else some.shape[1]
-    job.lanes = few.lanes = min(some.shape[1], LANES)
-    if few is not job:
-        job.lanes = FOLLOWED
+    few.lanes = min(some.shape[1], LANES)
     first = _key_of(job, points)
     part = f" in {few.n_data} of {job.n_data} data" * (few is not job)
     tell(done=0, stage=f"search from {points.shape[1]} starts{part}")

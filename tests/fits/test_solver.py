@@ -11,9 +11,7 @@ from fitting.problem.solver import (
     BatchLevenbergMarquardt,
     bounded_step,
     normal_sums,
-    packed,
     solve_lanes,
-    unpack,
 )
 
 T = np.linspace(0.0, 3.0, 25)
@@ -118,7 +116,7 @@ def test_a_lane_of_nan_neither_spoils_nor_delays_the_others():
     good, bad = solve(data, [1.0, 1.0, 0.0]), solve(spoilt, [1.0, 1.0, 0.0])
     others = np.arange(LANES) != 4
     np.testing.assert_array_equal(good.value[:, others], bad.value[:, others])
-    assert not np.isfinite(bad.stats["sums"][0, 4])
+    assert not np.isfinite(bad.stats["cost"][4])
     assert np.isfinite(np.asarray(bad.value)).all()
     assert int(bad.stats["num_steps"]) == int(good.stats["num_steps"])
 
@@ -158,13 +156,13 @@ def test_fewer_data_than_unknowns_end_at_a_zero():
 
     found = solve(data, [0.3, 0.2, 0.1], fn=line)
     assert bool(found.stats["done"].all())
-    assert float(found.stats["sums"][0].max()) < 1e-25
+    assert float(found.stats["cost"].max()) < 1e-25
 
 
 def test_normal_sums_are_the_products_of_the_jacobian():
     data, truth = noisy_decays(lanes=7)
     sums = jax.jit(lambda y, a: normal_sums(lambda *z: (decay(*z), None), y, a))(truth, data)
-    cost, gradient, matrix = unpack(sums, 3)
+    cost, gradient, matrix = sums[0, 0], sums[0, 1:], sums[1:, 1:]
     e = np.exp(-truth[1] * T[:, None])
     jacobian = np.stack([e, -truth[0] * T[:, None] * e, np.ones_like(e)])
     residual = truth[0] * e + truth[2] - data
@@ -175,9 +173,9 @@ def test_normal_sums_are_the_products_of_the_jacobian():
     np.testing.assert_allclose(matrix, np.einsum("itl,jtl->ijl", jacobian, jacobian), **close)
 
 
-@pytest.mark.parametrize("p", [1, 2, 3, 5])
+@pytest.mark.parametrize("p", [1, 2, 5, 9])
 def test_solve_lanes_is_a_linear_solve_over_the_free_unknowns(p):
-    half = RNG.standard_normal((p, p + 3, 50))
+    half = RNG.standard_normal((p, p + 3, 50)) * 10.0 ** RNG.uniform(-3, 3, (p, 1, 1))
     matrix = np.einsum("iml,jml->ijl", half, half)
     rhs, free = RNG.standard_normal((p, 50)), RNG.random((p, 50)) < 0.7
     found = np.asarray(jax.jit(solve_lanes)(matrix, rhs, free))
@@ -186,6 +184,7 @@ def test_solve_lanes_is_a_linear_solve_over_the_free_unknowns(p):
         assert np.all(found[~f, lane] == 0.0)
         if f.any():
             want = np.linalg.solve(matrix[np.ix_(f, f, [lane])][..., 0], rhs[f, lane])
+            # rows differ by 1e6, but Cholesky does not mind what a column is measured in
             np.testing.assert_allclose(found[f, lane], want, rtol=1e-9)
 
 
@@ -198,8 +197,8 @@ def test_bounded_step_gains_over_the_box_wherever_there_is_a_gain(p):
     gradient = 3.0 * rng.standard_normal((p, lanes))
     y, pick = rng.uniform(0.0, 1.0, (2, p, lanes))
     y = np.where(pick < 0.3, 0.0, np.where(pick > 0.8, 1.0, y))
-    packed = [matrix[i, j] for i in range(p) for j in range(i, p)]
-    sums = np.stack([np.ones(lanes), *gradient, *packed])
+    sums = np.ones((p + 1, p + 1, lanes))
+    sums[0, 1:], sums[1:, 1:] = gradient, matrix
     lower, upper = np.zeros_like(y), np.ones_like(y)
     step, fall = map(np.asarray, jax.jit(bounded_step)(y, sums, lower, upper, np.zeros(lanes)))
     # Within an eps; the solver clips what it adds up.
@@ -218,19 +217,18 @@ def test_bounded_step_gains_over_the_box_wherever_there_is_a_gain(p):
     assert (fall / best)[best > 1e-6].mean() > 0.9
 
 
-def test_the_step_of_many_unknowns_is_that_of_few(monkeypatch):
-    p, lanes, rng = 8, 500, np.random.default_rng(8)
-    half = rng.standard_normal((p + 1, p + 2, lanes))
-    sums = packed(jnp.asarray(np.einsum("iml,jml->ijl", half, half)))
-    y, pick = rng.uniform(0.0, 1.0, (2, p, lanes))
-    y = jnp.asarray(np.where(pick < 0.3, 0.0, np.where(pick > 0.8, 1.0, y)))
-    at = y, sums, jnp.zeros_like(y), jnp.ones_like(y), jnp.full(lanes, 1e-3)
-    many = jax.jit(bounded_step)(*at)
-    monkeypatch.setattr("fitting.problem.solver.FEW_UNKNOWNS", p)
-    few = jax.jit(lambda *x: bounded_step(*x))(*at)  # not the program of the other form
-    assert np.abs(few[0]).max() > 0.1
-    for a, b in zip(many, few, strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-8, atol=1e-10)
+def test_two_unknowns_that_the_data_cannot_tell_apart_give_a_finite_step():
+    half = RNG.standard_normal((9, 12, 20))
+    half[1] = half[0]
+    matrix, rhs = np.einsum("iml,jml->ijl", half, half), RNG.standard_normal((9, 20))
+    found = jax.jit(solve_lanes)(matrix, rhs, np.ones_like(rhs, bool))
+    assert np.isfinite(np.asarray(found)).all()
+
+
+def test_no_library_is_called_that_waits_for_threads_of_its_own():
+    """Two fits of 24 unknowns side by side, by the batched LAPACK calls of jaxlib, never ended."""
+    at = np.ones((9, 9, 20)), np.ones((9, 20)), np.ones((9, 20), bool)
+    assert "custom-call" not in jax.jit(solve_lanes).lower(*at).compile().as_text()
 
 
 @pytest.mark.parametrize("p", [pytest.param(40, marks=pytest.mark.study), 44])
@@ -248,8 +246,7 @@ def test_sums_of_many_unknowns(p):
     for lane in range(3):
         slopes = np.concatenate([table[0], np.cos(table[1] @ y[:, [lane]]) * table[1]])
         rows = np.concatenate([off[:, [lane]], slopes], 1)
-        whole = (rows.T @ rows)[np.triu_indices(p + 1)]
-        np.testing.assert_allclose(sums[:, lane], whole, rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(sums[..., lane], rows.T @ rows, rtol=1e-10, atol=1e-10)
 
 
 def test_float32_stays_float32():

@@ -1,12 +1,15 @@
 """A compiled program gives what its function gives: options of the compiler may not change it."""
 
+import time
+from concurrent.futures import ThreadPoolExecutor
+
 import jax
 import numpy as np
 import pytest
 
 from fitting.data.measurement import Measurement
 from fitting.problem.observations import observations
-from fitting.problem.programs import _linearised, targets_of, without_data
+from fitting.problem.programs import _linearised
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.compiled import compiled
 from fitting.samples.parameters import Settings
@@ -33,11 +36,12 @@ def test_values_and_derivatives_are_those_of_the_function(text, quantities, free
     sample, settings = Sample.parse(text), Settings(free=free)
     seen = observations([m], "equal")
     u = unknowns(sample, spectrum_of([m], sample), settings, seen, "squares")
-    targets = without_data(targets_of(u, seen, index_outside(sample, seen.points.wavelength_um)))
+    outside = index_outside(sample, seen.points.wavelength_um)
     values = {"A": 2.05, "B": 0.017, "thickness_nm": place, "angle_offset": -0.25, "scale_0": 0.98}
     y = np.array([values.get(n.rpartition(".")[2], 0.3) for n in u.spec.moving], float)
-    expected = _linearised(targets, y, spec=u.spec)
-    found = compiled(_linearised, ("spec",))(targets, y, spec=u.spec)
+    at = y, seen.points, u.held, outside
+    expected = _linearised(*at, spec=u.spec)
+    found = compiled(_linearised, "spec")(*at, spec=u.spec)
     for a, b in zip(found, expected, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-11 * np.abs(b).max())
 
@@ -62,3 +66,21 @@ def test_what_the_tests_compile_has_the_bits_of_what_users_compile():
         found, wanted = (program.compile(options)(c, n, k) for options in (None, as_is))
         for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
             np.testing.assert_array_equal(a, b)
+
+
+def test_of_several_threads_one_compiles():
+    events = []
+
+    def traced(x, *, spec):
+        events.append("begins")
+        time.sleep(0.1)
+        events.append("ends")
+        return x
+
+    program = compiled(traced, "spec")
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: program(np.ones(3), spec="a"), range(4)))
+        assert events == ["begins", "ends"]
+        events.clear()
+        list(pool.map(lambda spec: program(np.ones(3), spec=spec), "bc"))
+        assert events[:2] == ["begins", "begins"]  # another program waits for none
