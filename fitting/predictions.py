@@ -10,8 +10,7 @@ import numpy as np
 
 from fitting.data.measurement import Measurement
 from fitting.problem.evaluation import at_data
-from fitting.problem.observations import observations
-from fitting.problem.points import points_of
+from fitting.problem.observations import observations, points_of
 from fitting.problem.programs import shown
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
 from fitting.process.compiled import fit_settings

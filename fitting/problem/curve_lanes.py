@@ -17,11 +17,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from fitting.data.quantities import DELTAS
 from fitting.optics.observe import predicted
 from fitting.optics.spec import NCS, Spec
 from fitting.problem.lanes import MOST, Ends, Limits, ahead, in_calls, run_lanes
-from fitting.problem.observations import Observations, ncs_of, ncs_weights, squares_of
+from fitting.problem.observations import Observations, data_of, squares_of
 from fitting.problem.programs import Targets, rows_of, weighted
 from fitting.problem.solver import add
 from fitting.process.compiled import compiled, fit_settings
@@ -94,24 +93,9 @@ class Curves:
     @cached_property
     def _data(self) -> dict[str, Any]:
         """What `Targets` has of the data, of all curves as lanes."""
-        values, errors = ({q: self._rows(q, v) for q, v in each.items()}
-                          for each in (self.values, self.sigma or {}))  # fmt: skip
-        ones = np.ones_like(next(iter(values.values())))
-        known = {q: np.isfinite(v) for q, v in values.items()}
-        errors = {q: np.where(known[q], errors.get(q, ones), 1.0) for q in values}
-        alone = [c for c in self.seen.channels if c != NCS]
-        out: dict[str, Any] = {
-            "values": tuple(np.where(known[q], values[q], 0.0) for q in alone),
-            "weights": tuple(known[q] / errors[q] for q in alone),
-        }
-        if NCS not in self.seen.channels:
-            return out
-        name = next((q for q in DELTAS if q in values), "delta")
-        some, delta = known["psi"], values.get(name, np.nan * ones)
-        psi, delta = np.where(some, values["psi"], 45.0), np.where(some, delta, 0.0)
-        W = ncs_weights(psi, delta, errors["psi"], errors.get(name, ones), self.stated)
-        ncs = np.where(some, ncs_of(psi, np.nan_to_num(delta)), 0.0)
-        return out | {"ncs": ncs, "ncs_weights": np.where(some, W, 0.0)}
+        values = {q: self._rows(q, v) for q, v in self.values.items()}
+        sigma = self.sigma and {q: self._rows(q, s) for q, s in self.sigma.items()}
+        return data_of(self.seen.channels, values, sigma)
 
     def targets(self, pick: np.ndarray) -> Targets:
         """Return the targets of the curves ``pick`` as lanes."""

@@ -11,8 +11,14 @@ from fitting.data.measurement import Measurement
 from fitting.data.quantities import DELTAS
 from fitting.optics.instrument import with_places
 from fitting.optics.spec import NCS
-from fitting.problem.observations import Observations, ncs_directions, observations, padded
-from fitting.problem.points import numbers, points_of
+from fitting.problem.observations import (
+    Observations,
+    ncs_directions,
+    numbers,
+    observations,
+    padded,
+    points_of,
+)
 from fitting.problem.programs import Targets, index_slopes
 from fitting.problem.slopes import shown_at_y
 from fitting.problem.unknowns import Unknowns, index_outside, spec_at

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,7 +90,7 @@ def ncs_directions(psi_deg: np.ndarray, delta_deg: np.ndarray) -> np.ndarray:
 
 
 def ncs_weights(
-    psi: np.ndarray, delta: np.ndarray, sigma_psi: np.ndarray, sigma_delta: np.ndarray, stated: bool
+    psi: np.ndarray, delta: np.ndarray, sigma_psi: np.ndarray, sigma_delta: Any, stated: bool
 ) -> np.ndarray:
     """Return W (3, 3, ...) for pairs of psi and Delta; where Delta is NaN, for psi by N alone."""
     alone = np.isnan(delta)
@@ -111,6 +111,30 @@ def ncs_weights(
     only_n = np.zeros_like(weights)
     only_n[0, 0] = 1.0 / (of_psi * np.maximum(np.abs(np.sin(np.radians(2.0 * psi))), of_psi))
     return np.where(alone, only_n, weights)
+
+
+def data_of(
+    channels: Sequence[str], values: Mapping[str, np.ndarray], sigma: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    """Return values, weights, ncs and ncs_weights as `Observations` has them, in lanes.
+
+    values: (M, L) by quantity, NaN where it was not measured; sigma: their errors.
+    """
+    known = {q: np.isfinite(v) for q, v in values.items()}
+    errors = {q: np.where(k, sigma[q] if sigma else 1.0, 1.0) for q, k in known.items()}
+    alone = [c for c in channels if c != NCS]
+    out: dict[str, Any] = {
+        "values": tuple(np.where(known[q], values[q], 0.0) for q in alone),
+        "weights": tuple(known[q] / errors[q] for q in alone),
+    }
+    if "psi" not in values:
+        return out
+    name, some = next((q for q in DELTAS if q in values), ""), known["psi"]
+    psi = np.where(some, values["psi"], 45.0)
+    delta = np.where(some, values.get(name, np.nan), 0.0)
+    W = ncs_weights(psi, delta, errors["psi"], errors.get(name, 1.0), sigma is not None)
+    ncs = np.where(some, ncs_of(psi, np.nan_to_num(delta)), 0.0)
+    return out | {"ncs": ncs, "ncs_weights": np.where(some, W, 0.0)}
 
 
 def _repeated(wavelength_um: np.ndarray) -> dict[str, np.ndarray]:
@@ -144,16 +168,8 @@ def observations(
     row = np.empty(len(value), int)
     rows: dict[tuple[float, ...], int] = {}
     seen: dict[tuple, int] = {}
-    for i, key in enumerate(
-        zip(
-            file.tolist(),
-            angle.tolist(),
-            wave.tolist(),
-            share.tolist(),
-            (mirrored & (not compared)).tolist(),
-            strict=True,
-        )
-    ):
+    columns = file, angle, wave, share, mirrored & (not compared)
+    for i, key in enumerate(zip(*(a.tolist() for a in columns), strict=True)):
         again = (*key, quantity[i])
         repeat = seen[again] = seen.get(again, -1) + 1
         row[i] = rows.setdefault((*key, repeat), len(rows))
@@ -184,22 +200,23 @@ def observations(
     curves = tuple(
         tuple(names.get((f, q), first[q]) for f in range(len(measurements))) for q in channels
     )
-    values, weights = [], []
-    for q in channels:
-        if q == NCS:
-            continue
-        here = quantity == q
-        v, w = np.zeros((total, 1)), np.zeros((total, 1))
-        v[row[here], 0] = value[here]
-        w[row[here], 0] = 1.0 / error[here] if stated else 1.0
-        values.append(v)
-        weights.append(w)
-    ncs, ncs_weights = np.empty((3, 0, 1)), np.empty((3, 3, 0, 1))
-    if compared:
-        ncs, ncs_weights = _ellipsometry(quantity, row, value, error, total, stated)
+    table, errors = {}, {}
+    for q in dict.fromkeys(quantity.tolist()):
+        here, name = quantity == q, "delta" if q in DELTAS else q
+        for of, column in ((table, value), (errors, error)):
+            of.setdefault(name, np.full((total, 1), np.nan))[row[here], 0] = column[here]
+    lone = np.isfinite(table.get("delta", np.nan)) & np.isnan(table.get("psi", np.nan))
+    if compared and lone.any():
+        raise ValueError(
+            f"{int(lone.sum())} of the values of Delta have no psi at the same angle and "
+            "wavelength, together with which they are compared. Give psi too, or leave these "
+            "values of Delta out."
+        )
+    none = {"ncs": np.empty((3, 0, 1)), "ncs_weights": np.empty((3, 3, 0, 1))}
+    data = data_of(channels, table, errors if stated else None)
     return Observations(
-        tuple(channels), curves, points, tuple(values), tuple(weights), ncs, ncs_weights,
-        row, quantity, channel, curve, curve_names, stated,
+        tuple(channels), curves, points, **(none | data), row=row, quantity=quantity,
+        channel=channel, curve=curve, curve_names=curve_names, stated=stated,
     )  # fmt: skip
 
 
@@ -211,26 +228,53 @@ def labels_of(sources: list[str]) -> list[str]:
     ]
 
 
-def _ellipsometry(quantity, row, value, error, total: int, stated: bool):
-    psi_rows, delta_rows = quantity == "psi", np.isin(quantity, DELTAS)
-    if not (psi_rows.any() or delta_rows.any()):
-        return np.empty((3, 0, 1)), np.empty((3, 3, 0, 1))
-    table = np.full((4, total), np.nan)
-    for i, here in ((0, psi_rows), (1, delta_rows)):
-        table[i, row[here]] = value[here]
-        table[2 + i, row[here]] = error[here]
-    lone = int((np.isnan(table[0]) & ~np.isnan(table[1])).sum())
-    if lone:
+def numbers(name: str, came: Any) -> np.ndarray:
+    """Return an array of floats, or raise ValueError with the name if it has other values."""
+    try:
+        found = np.asarray(came)
+    except ValueError:  # a ragged list
+        found = np.asarray(None)
+    if found.dtype.kind not in "iuf":
+        raise ValueError(f"{name} is {repr(came)[:60]}; real numbers were wanted.")
+    return found.astype(float)
+
+
+def points_of(angle_deg: Any, quantity: Any, wavelength_um: Any = None) -> Measurement:
+    """Return points that the caller names as a measurement without values."""
+    waves = numbers("wavelength_um", np.nan if wavelength_um is None else wavelength_um)
+    strange = waves[~(np.isnan(waves) | ((waves > 0.0) & np.isfinite(waves)))]
+    if strange.size:
+        raise ValueError(f"wavelength_um holds {strange[0]:g}; micrometres above 0 were wanted.")
+    angle = np.atleast_1d(numbers("the angle of incidence", angle_deg))
+    if angle.ndim != 1 or not angle.size:
+        raise ValueError(f"angles of shape {angle.shape} came; a number or one axis was wanted.")
+    strange = angle[~((angle >= 0.0) & (angle <= 90.0))]
+    if strange.size:
         raise ValueError(
-            f"{lone} of the values of Delta have no psi at the same angle and wavelength, together "
-            "with which they are compared. Give psi too, or leave these values of Delta out."
+            f"an angle of incidence of {strange[0]:g} degrees came; 0 to 90 degrees from the "
+            "normal of the surface were wanted."
         )
-    some = ~np.isnan(table[0])
-    psi, delta, sigma_psi, sigma_delta = table[:, some]
-    ncs, weights = np.zeros((3, total, 1)), np.zeros((3, 3, total, 1))
-    ncs[:, some, 0] = ncs_of(psi, np.where(np.isnan(delta), 0.0, delta))
-    weights[:, :, some, 0] = ncs_weights(psi, delta, sigma_psi, sigma_delta, stated)
-    return ncs, weights
+    columns = angle, np.asarray(quantity), waves
+    try:
+        angle, names, waves = np.broadcast_arrays(*columns)
+    except ValueError:
+        angle = np.empty((0, 0))
+    if angle.ndim != 1 or not angle.size:
+        shapes = ", ".join(str(c.shape) for c in columns)
+        raise ValueError(
+            f"angles, quantities and wavelengths of shapes {shapes} came; for each a single value "
+            "or one axis of a common length was wanted."
+        )
+    unknown = [str(name) for name in np.unique(names) if name not in QUANTITIES]
+    if unknown:
+        wanted = ", ".join(QUANTITIES)
+        raise ValueError(f"there is no quantity {unknown[0]!r}; one of {wanted} was wanted.")
+    nothing = np.full(len(angle), np.nan)
+    return Measurement(
+        angle_deg=angle, wavelength_um=waves, quantity=np.asarray(names, dtype=str),
+        value=np.zeros(len(angle)), sigma=nothing, polarizer_deg=nothing, source="points",
+        understood="",
+    )  # fmt: skip
 
 
 def missing_errors(measurements: Sequence[Measurement], errors: str) -> tuple[Warning, ...]:

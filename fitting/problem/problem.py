@@ -129,12 +129,9 @@ class Problem:
         """
         targets, used = self.targets_at(noise, priors), 0
         if start.shape[1] > LANES:
-            start, used = self._run(start, noise, SIFT, targets=targets).lowest(LANES), SIFT
+            start, used = self.held(start, noise, SIFT, targets=targets).lowest(LANES), SIFT
         self.lanes = start.shape[1]
-        one = np.zeros(self.lanes, int)
-        ends = self._run(start, noise, MOST, targets=targets, fit=one)
-        if noise == 1.0:
-            self._report(ends)
+        ends = self.held(start, noise, MOST, targets=targets, fit=np.zeros(self.lanes, int))
         return ends._replace(y=self.in_order(ends.y), evaluations=ends.evaluations + used)
 
     def _report(self, ends: Ends) -> None:
@@ -154,30 +151,21 @@ class Problem:
 
     def held(
         self, start: np.ndarray, noise: float, steps: int, limits: Limits | None = None,
-        targets: Targets | None = None,
+        targets: Targets | None = None, fit: np.ndarray | None = None,
     ) -> Ends:  # fmt: skip
         """Return where starts (p, S) are after so many evaluations.
 
         Terms stay in the order that they have. limits: bounds (p, S) of each start, if not those of
-        all. targets: what is compared with other data than all.
+        all. targets: what is compared with other data than all. fit: see `run_lanes`.
         """
-        ends = self._run(start, noise, steps, limits, targets)
-        if targets is limits is None and noise == 1.0:
+        targets, count = (targets or self.targets)._replace(noise=np.float64(noise)), start.shape[1]
+        ends = run_lanes(
+            self.u.spec, lambda _: targets, start, limits or self.limits,
+            np.full(count, self.degrees), np.full(count, self.squares / noise**2), steps, fit=fit,
+        )  # fmt: skip
+        if limits is None and noise == 1.0:
             self._report(ends)
         return ends
-
-    def _run(
-        self, start: np.ndarray, noise: float, most: int, limits: Limits | None = None,
-        targets: Targets | None = None, fit: np.ndarray | None = None,
-    ) -> Ends:  # fmt: skip
-        targets = (targets or self.targets)._replace(noise=np.float64(noise))
-        degrees, scale = (
-            np.full(start.shape[1], x) for x in (self.degrees, self.squares / noise**2)
-        )
-        return run_lanes(
-            self.u.spec, lambda _: targets, start, limits or self.limits, degrees, scale, most,
-            fit=fit,
-        )  # fmt: skip
 
     def pinned(self, start: np.ndarray, row: Any, noise: float, steps: int) -> Ends:
         """Return `held`, of starts (p, S) of each of which one coordinate stays.
