@@ -200,10 +200,10 @@ def observations(
     curves = tuple(
         tuple(names.get((f, q), first[q]) for f in range(len(measurements))) for q in channels
     )
-    table, errors = {}, {}
+    table, sigma = {}, {}
     for q in dict.fromkeys(quantity.tolist()):
         here, name = quantity == q, "delta" if q in DELTAS else q
-        for of, column in ((table, value), (errors, error)):
+        for of, column in ((table, value), (sigma, error)):
             of.setdefault(name, np.full((total, 1), np.nan))[row[here], 0] = column[here]
     lone = np.isfinite(table.get("delta", np.nan)) & np.isnan(table.get("psi", np.nan))
     if compared and lone.any():
@@ -213,7 +213,7 @@ def observations(
             "values of Delta out."
         )
     none = {"ncs": np.empty((3, 0, 1)), "ncs_weights": np.empty((3, 3, 0, 1))}
-    data = data_of(channels, table, errors if stated else None)
+    data = data_of(channels, table, sigma if stated else None)
     return Observations(
         tuple(channels), curves, points, **(none | data), row=row, quantity=quantity,
         channel=channel, curve=curve, curve_names=curve_names, stated=stated,

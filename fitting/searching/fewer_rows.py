@@ -63,11 +63,12 @@ def with_fewer_rows(fit: Problem, sample: Sample, measurements: Sequence[Measure
         return fit
     seen, u = fit.seen, fit.u
     films = films_of(u.spec, u.moving)
-    some = (_LEAST, films[0].high_um) if films else (_LEAST_OF_BARE, 0.0)
-    fewer = observations([_some(m, *some) for m in measurements], fit.asked.errors)
-    same = (fewer.channels, fewer.curves, fewer.stated)
-    if same == (seen.channels, seen.curves, seen.stated):
-        seen = fewer
+    if films or not any(u.spec.media.coherent):
+        some = (_LEAST, films[0].high_um) if films else (_LEAST_OF_BARE, 0.0)
+        fewer = observations([_some(m, *some) for m in measurements], fit.asked.errors)
+        same = (fewer.channels, fewer.curves, fewer.stated)
+        if same == (seen.channels, seen.curves, seen.stated):
+            seen = fewer
     if max(u.spec.places) > max(SLIT, BEAM):
         u = u._replace(spec=u.spec._replace(places=(_PLACES, _PLACES)))
     if len(seen.row) == len(fit.seen.row) and u is fit.u:
