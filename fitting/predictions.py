@@ -11,9 +11,8 @@ import numpy as np
 from fitting.data.measurement import Measurement
 from fitting.problem.evaluation import at_data
 from fitting.problem.observations import observations, points_of
-from fitting.problem.programs import shown
+from fitting.problem.slopes import shown_at_y
 from fitting.problem.unknowns import index_outside, spectrum_of, unknowns
-from fitting.process.compiled import fit_settings
 from fitting.results.result import FitData
 from fitting.results.result_parts import Prediction
 from fitting.samples.dispersion import SPLINE, without_knots
@@ -165,6 +164,4 @@ def simulate(
     values = np.concatenate([[w.low for w in u.moving], u.held])
     spec = u.spec._replace(moving=(), coordinates=(), held=names)
     outside = index_outside(which, seen.points.wavelength_um)
-    with fit_settings():
-        found = np.asarray(shown(seen.points, values, outside, spec=spec))
-    return at_data(seen, found)
+    return at_data(seen, shown_at_y(spec, seen.points, values, outside, np.zeros(0))[0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -255,7 +256,7 @@ def at_data(seen: Observations, value: np.ndarray) -> np.ndarray:
 
 def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray, np.ndarray]:
     """Return the model at every datum and its standard error."""
-    u, seen, targets = at.unknowns, at.seen, at.targets
+    u, seen, outside = at.unknowns, at.seen, at.targets.eta_i
     if measurement is not None:
         seen = observations([measurement], "equal", compared=False)
         spec = u.spec._replace(
@@ -267,8 +268,9 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
         outside = index_outside(at.sample, seen.points.wavelength_um)
         spec = spec_at(spec, seen.points.angle_deg)
         spec = with_places(spec, spec.numbers(at.y, u.held), seen.points, float(np.max(outside)))
-        u, targets = u._replace(spec=spec), targets._replace(points=seen.points, eta_i=outside)
-    value, slope = shown_at_y(u.spec, targets, at.y)
+        u = u._replace(spec=spec)
+    shown = functools.partial(shown_at_y, u.spec, seen.points, u.held, outside)
+    value, slope = shown(at.y)
     error = _error(slope, at.covariance)
     of = dict(zip(seen.channels, error, strict=False))
     if NCS in of:
@@ -279,7 +281,7 @@ def _fitted(at: Evaluated, measurement: Measurement | None) -> tuple[np.ndarray,
     fitted = at_data(seen, value)
 
     def away(y: np.ndarray) -> np.ndarray:
-        off = np.abs(at_data(seen, shown_at_y(u.spec, targets, y)[0]) - fitted)
+        off = np.abs(at_data(seen, shown(y)[0]) - fitted)
         return np.where(seen.quantity == "delta", np.minimum(off, 360.0 - off), off)
 
     return fitted, _as_far(at, sigma, away)

@@ -47,11 +47,6 @@ class Observations(NamedTuple):
         """Which of the rows are no padding, (M,) bool."""
         return np.arange(self.points.wavelength_um.shape[0]) <= self.row.max()
 
-    @property
-    def squares(self) -> float:
-        """The sum of squares of the data in units of their errors."""
-        return float(squares_of(self).sum())
-
 
 def squares_of(data: Any) -> np.ndarray:
     """Return the sum of squares of `Observations` or targets in units of their errors, (L,)."""

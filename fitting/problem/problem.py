@@ -18,7 +18,7 @@ from fitting.problem.lanes import (
     run_lanes,
     with_fixed,
 )
-from fitting.problem.observations import Observations
+from fitting.problem.observations import Observations, squares_of
 from fitting.problem.programs import SOLVER, Targets
 from fitting.problem.slopes import Slopes, loss_of, prior_rows, slopes_at
 from fitting.problem.unknowns import Unknowns, terms_of
@@ -91,7 +91,7 @@ class Problem:
         self.lanes = LANES  # the number of starts that the search follows
         self.lowest = np.inf  # the cost of the best end that was reported
         self.fewer: np.ndarray | None = None  # the lowest ends (p, 8) of a model with a term less
-        self.squares = seen.squares
+        self.squares = float(squares_of(seen).sum())
         self.looked = 0  # how often residuals with their derivatives were formed, by `slopes`
         self.first: tuple[np.ndarray, Slopes] | None = None  # a start, of the caller's residuals
 

@@ -73,20 +73,8 @@ def robust(loss: str, r: Any, xp: Any = jnp) -> Any:
     return r
 
 
-def _raw_residuals(spec: Any, y: Array, targets: Targets) -> list[Array]:
-    """Return weighted residuals, one (M, L) array for each channel, three for NCS.
-
-    spec: a `Spec`, or one with its own residuals (`own_residuals.OwnSpec`).
-    """
-    if not isinstance(spec, Spec):
-        return spec.raw(y, targets)
-    values = spec.values(y, targets.held)
-    found = predicted(spec, values, targets.points, targets.eta_i, directions=len(spec.moving))
-    return weighted(spec, found, targets)
-
-
 def weighted(spec: Spec, found: Mapping[str, Any], targets: Targets) -> list[Array]:
-    """Return the weighted residuals of predicted channels, in the form of `_raw_residuals`."""
+    """Return weighted residuals of predicted channels, (M, L) each, three for NCS."""
     alone = [c for c in spec.channels if c != NCS]
     out = [
         (found[c] - v) * w for c, v, w in zip(alone, targets.values, targets.weights, strict=True)
@@ -100,17 +88,25 @@ def weighted(spec: Spec, found: Mapping[str, Any], targets: Targets) -> list[Arr
 
 
 class Residuals(NamedTuple):
-    """The residual function ``(y (p, L), targets) -> arrays (M, L), None`` of a `Spec`.
+    """The residual function ``(y (p, L), targets) -> arrays (M, L), None`` of a fit.
 
     It is a value and not a closure, so that two fits of one kind share one compiled program.
+    spec: a `Spec`, or one with its own residuals (`own_residuals.OwnSpec`).
     """
 
-    spec: Spec
+    spec: Any
 
     def __call__(self, y: Array, targets: Targets) -> tuple[tuple[Array, ...], None]:
-        out = [robust(self.spec.loss, r) for r in _raw_residuals(self.spec, y, targets)]
-        if self.spec.priors:
-            x = jnp.stack(to_parameter(self.spec.coordinates, y))
+        spec = self.spec
+        if isinstance(spec, Spec):
+            values, directions = spec.values(y, targets.held), len(spec.moving)
+            found = predicted(spec, values, targets.points, targets.eta_i, directions)
+            raw = weighted(spec, found, targets)
+        else:
+            raw = spec.raw(y, targets)
+        out = [robust(spec.loss, r) for r in raw]
+        if spec.priors:
+            x = jnp.stack(to_parameter(spec.coordinates, y))
             off = (x - targets.prior[:, None]) * targets.prior_weight[:, None]
             # In arrays of the size of the data, as the sums need it.
             size = len(out[0])
@@ -140,9 +136,9 @@ def with_slopes(f: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
 
     Lanes are directions: one derivative call gives all columns.
     """
-    p = len(y)
-    value, slope = jax.jvp(f, (jnp.broadcast_to(y[:, None], (p, p)),), (jnp.eye(p),))
-    return value[..., 0], slope
+    p, lanes = len(y), max(len(y), 1)
+    value, slope = jax.jvp(f, (jnp.broadcast_to(y[:, None], (p, lanes)),), (jnp.eye(p, lanes),))
+    return value[..., 0], slope[..., :p]
 
 
 def _linearised(
@@ -158,12 +154,6 @@ def _linearised(
         return rows_of(spec, found, (points.angle_deg.shape[0], lanes.shape[1]))
 
     return with_slopes(seen, y)
-
-
-def _shown(points: Points, held: Array, eta_i: Array, *, spec: Spec) -> Array:
-    """Return the prediction of each channel for fixed parameters, (K, M)."""
-    found = predicted(spec, spec.values(jnp.zeros((0, 1)), held), points, eta_i)
-    return rows_of(spec, found, (points.angle_deg.shape[0], 1))[..., 0]
 
 
 def _index(
@@ -183,5 +173,4 @@ def _index(
 
 solve = compiled(_solve, "spec")
 linearised = compiled(_linearised, "spec")
-shown = compiled(_shown, "spec")
 index_slopes = compiled(_index, "spec", "medium")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.optics.spec import NCS, Spec
+from fitting.optics.spec import NCS, Points, Spec
 from fitting.problem.observations import Observations
 from fitting.problem.programs import HUBER, Targets, linearised, robust
 from fitting.problem.unknowns import Unknowns
@@ -14,11 +14,12 @@ from fitting.process.compiled import fit_settings
 from fitting.samples.parameters import value_and_slope
 
 
-def shown_at_y(spec: Spec, targets: Targets, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def shown_at_y(
+    spec: Spec, points: Points, held: np.ndarray, eta_i: Any, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return what each channel shows at y (p,), (K, M), and its derivatives, (K, M, p)."""
     with fit_settings():
-        both = linearised(y, targets.points, targets.held, targets.eta_i, spec=spec)
-        value, slope = map(np.asarray, both)
+        value, slope = map(np.asarray, linearised(y, points, held, eta_i, spec=spec))
     return value, slope
 
 
@@ -40,7 +41,7 @@ class Slopes(NamedTuple):
 
 def slopes_at(spec: Spec, seen: Observations, targets: Targets, y: np.ndarray) -> Slopes:
     """Return residuals and derivatives with respect to the solver's coordinates y (p,)."""
-    value, slope = shown_at_y(spec, targets, y)
+    value, slope = shown_at_y(spec, targets.points, targets.held, targets.eta_i, y)
     alone = len(seen.values)
     measured, W = np.zeros_like(value), np.zeros((len(value), *value.shape))
     for i, (v, w) in enumerate(zip(seen.values, seen.weights, strict=True)):
