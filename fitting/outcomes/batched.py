@@ -13,6 +13,7 @@ from fitting.problem.evaluation import EachFit
 from fitting.results.diagnostics import Finding
 from fitting.results.result import FitData
 from fitting.results.result_parts import NONE, TIED, Alternative, ErrorModel, Estimate
+from fitting.results.sentences import SENTENCES
 
 _EACH = (
     "covariance", "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data", "rms", "status",
@@ -63,8 +64,6 @@ _OF_ONE: dict[str, Any] = {
 
 def stacked_findings(fits: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
     """Return the findings on each of many fits as those on all, the most serious first."""
-    from fitting.results.sentences import SENTENCES
-
     out = []
     for code in SENTENCES:
         # A code may come more than once (a limit for each of two parameters).

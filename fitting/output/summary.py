@@ -29,7 +29,7 @@ from fitting.residuals.error_model import OF_EACH
 from fitting.results.diagnostics import Finding
 from fitting.results.result import FitData
 from fitting.results.result_parts import UNDETERMINED, Alternative, Comparison, Estimate
-from fitting.results.wording import no_solid
+from fitting.results.sentences import no_solid
 from fitting.uncertainty.limits import student_quantile
 
 Facts = list[tuple[str, str]]

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.results.result_parts import item
-from fitting.results.sentences import SENTENCES, advice
+from fitting.results.sentences import SENTENCES, advice, sentence
 
 _RANK = {code: i for i, code in enumerate(SENTENCES)}
 
@@ -32,10 +32,7 @@ class Warning(NamedTuple):
     @property
     def sentence(self) -> str:
         """What is wrong."""
-        sentence = SENTENCES[self.code]
-        if isinstance(sentence, str):
-            return sentence.format_map(self.values)
-        return sentence(self.values)
+        return sentence(self.code, self.values)
 
     @property
     def advice(self) -> str:
