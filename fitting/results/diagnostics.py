@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.results.result_parts import item
-from fitting.results.sentences import SENTENCES, advice, sentence
+from fitting.results.sentences import SENTENCES, Formatter, Tries, keywords
 
 _RANK = {code: i for i, code in enumerate(SENTENCES)}
 
@@ -32,12 +32,25 @@ class Warning(NamedTuple):
     @property
     def sentence(self) -> str:
         """What is wrong."""
-        return sentence(self.code, self.values)
+        text = SENTENCES[self.code][0]
+        if isinstance(text, str):
+            return Formatter().vformat(text, (), self.values)
+        return text(self.values)
+
+    @property
+    def tries(self) -> Tries:
+        """What to try where it is right: a question or a reason, and options of the command."""
+        tries = SENTENCES[self.code][1]
+        return tries if isinstance(tries, tuple) else tries(self.values)
 
     @property
     def advice(self) -> str:
-        """What to try, as text to copy: option of the command and argument in Python; or ""."""
-        return advice(self.code, self.values)
+        """`tries` as text to copy: ``Glass? Try --fix k=0 (in Python: fixed={"k": 0}).``; or ""."""
+        return " ".join(
+            f"{why} {'T' if not why or why.endswith('?') else 't'}ry {option} "
+            f"(in Python: {keywords(option)}).".lstrip()
+            for why, option in self.tries
+        )
 
     @property
     def text(self) -> str:

@@ -41,7 +41,9 @@ def _of_rows(text: str, v: Values, *names: str) -> Iterator[str]:
     return (text.format(*row) for row in zip(*(v[name] for name in names), strict=True))
 
 
-class _Formatter(string.Formatter):
+class Formatter(string.Formatter):
+    """Formats `{names!l}` as a list."""
+
     def convert_field(self, value: Any, conversion: Any) -> Any:
         return listed(value) if conversion == "l" else super().convert_field(value, conversion)
 
@@ -495,24 +497,3 @@ def keywords(option: str) -> str:
             text, flag = value.strip("'"), flag.replace("-", "_")
             out.append(f"{flag}={text}" if flag in ("starts", "sigma") else f'{flag}="{text}"')
     return ", ".join(out)
-
-
-def sentence(code: str, values: Values) -> str:
-    """Return what is wrong."""
-    text = SENTENCES[code][0]
-    return _Formatter().vformat(text, (), values) if isinstance(text, str) else text(values)
-
-
-def tries_of(code: str, values: Values) -> Tries:
-    """Return what to try where a warning is right."""
-    tries = SENTENCES[code][1]
-    return tries if isinstance(tries, tuple) else tries(values)
-
-
-def advice(code: str, values: Values) -> str:
-    """Return what to try where a warning is right: ``Glass? Try --fix k=0 (in Python: ...).``"""
-    return " ".join(
-        f"{why} {'T' if not why or why.endswith('?') else 't'}ry {option} "
-        f"(in Python: {keywords(option)}).".lstrip()
-        for why, option in tries_of(code, values)
-    )

@@ -11,7 +11,7 @@ from fitting import Measurement, fit, read_csv
 from fitting.command import cli
 from fitting.residuals.error_model import UNLIKELY, beyond_chance
 from fitting.results.diagnostics import Warning
-from fitting.results.sentences import SENTENCES, keywords, tries_of
+from fitting.results.sentences import SENTENCES, keywords
 from tests.truth.simulated import simulated, textbook
 
 ANGLES = tuple(np.linspace(20.0, 80.0, 20))
@@ -139,7 +139,7 @@ def test_what_a_warning_says_to_try_can_be_run(code, m, how, values):
         warning = next(w for w in told if w.code == code)
     else:
         warning = Warning(code, {}, values)
-    for why, option in tries_of(code, warning.values):
+    for why, option in warning.tries:
         assert f"ry {option} (in Python: {keywords(option)})." in warning.advice
         assert why in warning.advice
         asked = eval(f"dict({keywords(option)})")  # as it is copied into fit(...)

@@ -16,8 +16,8 @@ from fitting.output.numbers import (
     with_error,
 )
 from fitting.process.visible import visible
+from fitting.results.diagnostics import Warning
 from fitting.results.result_parts import Estimate
-from fitting.results.sentences import sentence
 
 
 @pytest.mark.parametrize(
@@ -142,5 +142,5 @@ def test_plain_data_of_every_kind():
 
 
 def test_a_share_above_1_is_told_without_a_power_of_ten():
-    told = sentence("poorly_determined", {"parameters": ("A", "B"), "shares": (0.753, 1.17)})
-    assert told.endswith("of the value of A (75 %) and B (120 %).")
+    told = Warning("poorly_determined", {}, {"parameters": ("A", "B"), "shares": (0.753, 1.17)})
+    assert told.text.endswith("of the value of A (75 %) and B (120 %).")
