@@ -112,5 +112,6 @@ def stacked(fits: Sequence[FitData], measurement: Measurement) -> FitData:
     return replace(
         of_measurement(stacked_fits(fits), measurement),
         rms_of={k: _stack([f.rms_of.get(k, np.nan) for f in fits]) for k in kinds},
+        n_of={k: _stack([f.n_of.get(k, 0) for f in fits]) for k in kinds},
         evaluator=EachFit(each, (len(each),), _stack([f.wavelength_um for f in fits]), measurement),
     )

@@ -305,7 +305,7 @@ def fit_of_batch(
     alone = np.where((own > 0) & job.asked.scaled, "scaled", "stated")
     taken = alone if stated else np.full(own.shape, "equal")
     factor = np.sqrt(np.broadcast_to(m.known.variance, own.shape))
-    none = status.NO_DATA
+    none, channels = status.NO_DATA, u.spec.channels
     fits = FitData(
         sample=sample, parameters=free | fixed_and_tied(u, m.y[0], free),
         covariance=np.asarray(put(covariance)),
@@ -313,9 +313,8 @@ def fit_of_batch(
         chi2=put(m.cost if stated else np.full_like(m.cost, np.nan)), chi2_reduced=put(reduced),
         dof=put(own, 0), n_data=put(n_data, 0), rms=put(np.sqrt(plain / rows)), cost=put(m.cost),
         status=put(state, none),
-        rms_of={
-            c: put(np.sqrt(m.plain[:, i] / m.counts[:, i])) for i, c in enumerate(u.spec.channels)
-        },
+        rms_of={c: put(r) for c, r in zip(channels, np.sqrt(m.plain / m.counts).T, strict=True)},
+        n_of={c: put(n, 0) for c, n in zip(channels, m.counts.T, strict=True)},
         errors=ErrorModel(
             taken=put(taken, "scaled" if stated else "equal"), factor=put(factor),
             added=put(np.zeros(len(which))), stated=stated, widened=put(np.ones(len(which))),

@@ -363,10 +363,10 @@ def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Fou
     shown, of_x = _estimates(u, end, ranges, failed)
     chi2 = square if stated else np.nan
     bic, aicc = criteria(u.spec.loss, s.residual, fit.n_data, len(shown), fit.asked.scaled)
-    evaluator = None
-    if of.sample is not None:
-        evaluator = Evaluated(of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known),
-                              inside=(ranges.inside, ranges.t))  # fmt: skip
+    evaluator = None if of.sample is None else Evaluated(
+        of.sample, u, seen, fit.targets, end.y, errors, np.atleast_1d(known),
+        inside=(ranges.inside, ranges.t))  # fmt: skip
+    kinds = {kind: int((s.kind == kind).sum()) for kind in dict.fromkeys(s.kind.tolist())}
     with np.errstate(invalid="ignore"):
         factor = float(np.sqrt(end.known.variance))
     found = FitData(
@@ -374,7 +374,7 @@ def _assembled(fit: Problem, of: Subject, noise: float, evaluations: int, f: Fou
         wavelength_um=known if len(known) > 1 else float(known[0]),
         chi2=chi2, chi2_reduced=chi2 / fit.dof if fit.dof else np.nan, dof=fit.dof,
         n_data=fit.n_data, rms=_rms(s.plain), cost=end.cost, noise=noise,
-        rms_of={str(kind): _rms(s.plain[s.kind == kind]) for kind in dict.fromkeys(s.kind)},
+        rms_of={kind: _rms(s.plain[s.kind == kind]) for kind in kinds}, n_of=kinds,
         status=status.NOT_CONVERGED if failed else
         status.UNDETERMINED if unseen or few else status.CONVERGED,
         errors=ErrorModel(_errors_taken(fit), factor, 0.0, stated), evaluations=evaluations,

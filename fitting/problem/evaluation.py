@@ -24,7 +24,7 @@ from fitting.problem.programs import Targets, index_slopes
 from fitting.problem.slopes import shown_at_y
 from fitting.problem.unknowns import Unknowns, index_outside, spec_at
 from fitting.process.compiled import fit_settings
-from fitting.results.result_parts import Evaluator, IndexBand, Prediction
+from fitting.results.result_parts import IndexBand, Prediction
 from fitting.samples.sample import FREE, Sample
 from fitting.samples.sample_checks import check_known
 
@@ -53,7 +53,7 @@ class Evaluated(NamedTuple):
     rows: Measurement | None = None
 
     def predict(self, measurement: Measurement | None = None) -> Prediction:
-        """Return the model at every row of a measurement; see `result.Evaluator`."""
+        """Return the model at every row of a measurement; None: at the fitted data."""
         return Prediction(*_fitted(self, self.rows if measurement is None else measurement))
 
     def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
@@ -76,7 +76,7 @@ class Evaluated(NamedTuple):
             return IndexBand(*(part[same] for part in band))
         return _index_band(self, wavelength_um, which)
 
-    def at(self, index: tuple[int, ...]) -> Evaluator:
+    def at(self, index: tuple[int, ...]) -> Evaluated:
         """Return itself, since it belongs to one fit."""
         return self
 
@@ -129,7 +129,7 @@ class Alike(Sequence[Evaluated]):
 
 
 class EachFit(NamedTuple):
-    """The evaluators of a batch, one after the other; see `result.Evaluator`.
+    """The evaluators of a batch, one after the other.
 
     wavelength_um, measurement: of an index that is free at every wavelength, (W,) in rising order,
     and the data of all; None where each fit is one of all wavelengths.

@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 
 from fitting.data.measurement import Measurement
-from fitting.data.quantities import DELTAS, STOKES
+from fitting.data.quantities import STOKES
 from fitting.results.diagnostics import Finding, Warning
 from fitting.results.result_parts import (
     Alternative,
     ErrorModel,
     Estimate,
-    Evaluator,
     IndexBand,
     item,
     picked,
@@ -42,7 +41,8 @@ class FitData:
         errors, the second also without a degree of freedom.
     dof: data and priors minus fitted parameters, at least 0. n_data: a psi and a Delta are two.
     rms: root mean square of the unweighted residuals; for psi and Delta those of N, C, S. rms_of:
-        the same by quantity ("NCS": psi and Delta).
+        the same by quantity ("NCS": psi and Delta). n_of: how many residuals each has; of psi and
+        Delta three a pair.
     status: "converged"; "misfit" (the best minimum, but the sample does not describe the data: a
         warning says so); "undetermined" (a minimum, but the data do not determine some combination
         of the parameters); "not converged"; "no data"; of a batch also "refused" (data out of
@@ -57,7 +57,8 @@ class FitData:
     findings, others, notes: the data of `warnings` and `alternatives`; notes on all curves.
     measurement: the fitted data, all files joined; None for `fit_many`. curve: (N,) which of
         `curve_names` (a quantity of a file) each datum belongs to.
-    evaluator: computes `predict` and `index`; None for the caller's own residuals.
+    evaluator: computes `predict` and `index` (`problem.evaluation`); None for the caller's own
+        residuals.
     """
 
     sample: Sample | None
@@ -75,6 +76,7 @@ class FitData:
     starts: Any = 0
     reached: Any = 0
     rms_of: Mapping[str, Any] = field(default_factory=dict)
+    n_of: Mapping[str, Any] = field(default_factory=dict)
     loss: str = "squares"
     noise: Any = 1.0
     cost: Any = np.nan
@@ -86,7 +88,7 @@ class FitData:
     measurement: Measurement | None = None
     curve: np.ndarray | None = None
     curve_names: tuple[str, ...] = ()
-    evaluator: Evaluator | None = None
+    evaluator: Any = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -104,21 +106,19 @@ class FitData:
         return {name: e.value for name, e in self.parameters.items()}
 
     @property
-    def mse(self) -> float:
+    def mse(self) -> Any:
         """What ellipsometers call the mean squared error, of unweighted residuals of N, C and S.
 
         1000 sqrt(sum of squares / (3 n - m)), n points of psi and Delta or of N, C, S (of psi
-        alone one counts, N), m fitted parameters; NaN without these, and of a batch.
+        alone one counts, N), m fitted parameters; S of a batch, NaN without these quantities.
         Source: J. A. Woollam Co., CompleteEASE manual, section on the mean squared error.
         """
-        m = self.measurement
-        if m is None or self.shape:
-            return np.nan
-        count = {q: int((m.quantity == q).sum()) for q in STOKES}
-        count["NCS"] = int((m.quantity == "psi").sum() + 2 * np.isin(m.quantity, DELTAS).sum())
-        squares = sum(n * self.rms_of.get(q, 0.0) ** 2 for q, n in count.items())
-        freedom = sum(count.values()) - len(self.names)
-        return 1e3 * float(np.sqrt(squares / freedom)) if freedom > 0 else np.nan
+        count = {q: np.asarray(n) for q, n in self.n_of.items() if q in (*STOKES, "NCS")}
+        squares = sum((np.where(n, self.rms_of[q], 0.0) ** 2 * n for q, n in count.items()), 0.0)
+        freedom = np.asarray(sum(count.values()) - len(self.names), float)
+        with np.errstate(all="ignore"):
+            found = np.where(freedom > 0, 1e3 * np.sqrt(squares / freedom), np.nan)
+        return found if found.shape else found.item()
 
     @property
     def correlation(self) -> np.ndarray:
@@ -226,6 +226,7 @@ class FitData:
             picked(self, index),
             parameters={name: e.at(index) for name, e in self.parameters.items()},
             rms_of={name: item(v, index) for name, v in self.rms_of.items()},
+            n_of={name: item(v, index) for name, v in self.n_of.items()},
             errors=ErrorModel(*(item(v, index) for v in self.errors)),
             findings=tuple(
                 Finding(f.code, np.True_, f.of(index, {}).values, self._place(index))

@@ -5,11 +5,9 @@ from __future__ import annotations
 import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
-
-from fitting.data.measurement import Measurement
 
 CONVERGED, UNDETERMINED = "converged", "undetermined"
 MISFIT = "misfit"  # converged, but the sample does not describe the data
@@ -114,47 +112,6 @@ class ErrorModel(NamedTuple):
     added: Any = 0.0
     stated: bool = False
     widened: Any = 1.0
-
-
-class Evaluator(Protocol):
-    """Evaluates a finished fit at other points; made by the engine that found it."""
-
-    def predict(self, measurement: Measurement | None) -> Prediction:
-        """Return the model at every row of a measurement, (N,); None: of the fitted one."""
-        ...
-
-    def over_angle(self, angle_deg: np.ndarray, quantity: str) -> Prediction:
-        """Return each fit of the batch over angles (A,), S + (A,)."""
-        ...
-
-    def index(self, wavelength_um: np.ndarray | None, medium: str | None) -> IndexBand:
-        """Return eta and k of a medium; None: at the measured wavelengths, of the first unknown."""
-        ...
-
-    def at(self, index: tuple[int, ...]) -> Evaluator:
-        """Return the evaluator of one fit of the batch."""
-        ...
-
-    def widened(self, factor: np.ndarray) -> Evaluator:
-        """Return the evaluator with all errors times a factor (N,) of each fit."""
-        ...
-
-
-class Comparison(Protocol):
-    """What is shown of the models that were compared (`choose`)."""
-
-    @property
-    def reasons(self) -> tuple[Any, ...]:
-        """Why the one that is shown was taken."""
-        ...
-
-    def table(self) -> list[list[str]]:
-        """Return rows of texts below a header."""
-        ...
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the comparison as plain data."""
-        ...
 
 
 def item(value: Any, index: tuple[int, ...]) -> Any:
