@@ -72,8 +72,8 @@ def read_csv(
             of two files are propagated.
         ratio_to: text of a sample without anything to be fitted, "Si": values of R and their errors
             are ratios to its reflectance, and are multiplied by it.
-        sigma: standard error of the values that have none, a fraction (degrees for psi and delta);
-            of the ratio, where there is one.
+        sigma: standard error of the values that have none: of R and T a fraction, of percent too
+            (0.002 is 0.2 %), of psi and delta degrees; of the ratio, where there is one.
         psi_unit: deg or rad, for psi and delta.
         delta_range: 180 for an ellipsometer that measures cos Delta (a rotating analyzer without a
             compensator), whose Delta is compared as that or 360 - Delta; 360 for one that tells

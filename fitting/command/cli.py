@@ -13,7 +13,7 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -100,6 +100,35 @@ Compiled programs are kept in $XDG_CACHE_HOME/fresnel-fit or
 ~/.cache/fresnel-fit, which may be deleted at any time.
 """
 
+
+class _Materials(argparse.Action):
+    """Print names, wavelengths in micrometres, source and conditions of all named materials, or
+    the entries of the refractiveindex.info database with these words in name or title, and exit."""
+
+    def __call__(self, parser: Any, _: object, words: Any, *__: object) -> None:
+        from fitting.output.summary import rows_aligned
+        from fresnel_jax import materials
+
+        prefix = materials.DATABASE_PREFIX
+        rows: Any = [("name", "wavelengths, um", "source; conditions")]
+        for name in () if words else materials.names():
+            record = materials.lookup(name)
+            known = "{:.4g} to {:.4g}".format(*record.range_um) if record.range_um else "all"
+            notes = (record.source, record.doi and f"doi:{record.doi}", record.note)
+            rows.append((", ".join((name, *record.aliases)), known, "; ".join(filter(None, notes))))
+        if words:
+            if not words.startswith(prefix):
+                parser.error(f"{words!r} came; {prefix}gold looks for gold in the database.")
+            try:
+                rows = materials.search_database(words)
+            except ValueError as error:
+                parser.error(str(error))
+            if not rows:
+                parser.error(f"no entry of the database has {words.removeprefix(prefix)!r}.")
+        say("\n".join(rows_aligned(rows, margin="")) + "\n")
+        parser.exit()
+
+
 # Name, metavar, help, and what else argparse is to know of each option. Those of _READING and
 # _FITTING are arguments of `read_csv` and `fit`, which have the defaults.
 _FLAG: dict[str, Any] = {"action": "store_true"}
@@ -112,18 +141,12 @@ _READING = (
     ("wavelength-unit", "UNIT", "nm, um, angstrom, eV, cm-1, THz, ..."),
     ("polarization", "LIGHT", "s, p or unpolarized; or what the codes in a column mean: 0=s,1=p"),
     ("scale", "FACTOR", "factor that makes R a fraction: 0.01 for percent"),
-    (
-        "divide-by",
-        "FILE",
-        "divide the values by this scan of a reference, read in the same way, or "
-        "by the column of the file with this name",
-    ),
-    (
-        "ratio-to",
-        "SAMPLE",
-        "the values are ratios to R of this known sample: Si, or 'air | SiO2 2 nm held | Si'",
-    ),
-    ("sigma", "SIGMA", "standard error of values that have none: a fraction (psi, Delta: degrees)"),
+    ("divide-by", "FILE", "divide the values by this scan of a reference, read in the same way, or "
+     "by the column of the file with this name"),
+    ("ratio-to", "SAMPLE", "the values are ratios to R of this known sample: Si, or "
+     "'air | SiO2 2 nm held | Si'"),
+    ("sigma", "SIGMA", "standard error of the values that have none; of R and T a fraction, of "
+     "percent too: 0.002 is 0.2 %%; of psi and Delta degrees"),
     ("psi-unit", "UNIT", "unit of psi and Delta: deg or rad"),
     ("delta-range", "DEGREES", "180 if Delta may be 360 - Delta (rotating analyzer), else 360"),
     ("missing", "VALUES", "numbers or words that mark missing values: 0 or -9999,bad"),
@@ -133,9 +156,19 @@ _READING = (
     ("decimal", "SIGN", "decimal mark, . or ,"),
     ("encoding", "NAME", "text encoding: utf-8, latin-1, utf-16, ..."),
     ("sheet", "NAME", "sheet of a spreadsheet (.xlsx) that has several"),
-)
+)  # fmt: skip
 
 
+_GENERAL = (
+    ("each", None, "fit every file by itself, and show a row of results for each, which --csv and "
+     "--json write as a table; a file that is refused is reported, and the others are fitted",
+     _FLAG),
+    ("materials", "ri:WORDS", "print names, wavelengths and sources of the materials that --sample "
+     "knows, and exit; with ri:gold the entries of refractiveindex.info that have gold in name or "
+     "title", {"action": _Materials, "nargs": "?"}),
+    ("version", None, "print the version and exit",
+     {"action": "version", "version": f"{PROGRAM} {fitting.__version__}"}),
+)  # fmt: skip
 _RESULTS = (
     ("json", "OUT", "write all results as JSON: eta, k, errors, status, ...; - for stdout"),
     ("csv", "OUT", "write data, fitted values and residuals; for a spectrum also eta and k, "
@@ -188,46 +221,6 @@ _EXAMPLES = {"fixed": ("--fix", "NAME=VALUE", "k=0"),
              "priors": ("--prior", "NAME=VALUE+-SIGMA", "scale=1+-0.02")}  # fmt: skip
 
 
-def _answer(of: Callable[[str], str]) -> type[argparse.Action]:
-    """Return the action of an option that prints what ``of`` returns of the words behind it."""
-
-    class Answer(argparse.Action):
-        def __call__(self, parser: Any, _: object, words: object, *__: object) -> None:
-            try:
-                say(of(str(words or "")) + "\n")
-            except ValueError as error:
-                parser.error(str(error))
-            parser.exit()
-
-    return Answer
-
-
-def _material_list(words: str) -> str:
-    """Return names, wavelengths in micrometres, source and conditions of all named materials.
-
-    words: "ri:gold" for the entries of the refractiveindex.info database with gold in name or
-    title. Raises ValueError where there are none, or for other words.
-    """
-    from fitting.output.summary import rows_aligned
-    from fresnel_jax import materials
-
-    if words:
-        prefix = materials.DATABASE_PREFIX
-        if not words.startswith(prefix):
-            raise ValueError(f"{words!r} came; {prefix}gold looks for gold in the database.")
-        entries = materials.search_database(words)
-        if not entries:
-            raise ValueError(f"no entry of the database has {words.removeprefix(prefix)!r}.")
-        return "\n".join(rows_aligned(entries, margin=""))
-    rows = [("name", "wavelengths, um", "source; conditions")]
-    for name in materials.names():
-        record = materials.lookup(name)
-        known = "{:.4g} to {:.4g}".format(*record.range_um) if record.range_um else "all"
-        notes = (record.source, record.doi and f"doi:{record.doi}", record.note)
-        rows.append((", ".join((name, *record.aliases)), known, "; ".join(filter(None, notes))))
-    return "\n".join(rows_aligned(rows, margin=""))
-
-
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         if unknown := re.match("unrecognized arguments: .*?(--[^ =]+)", message):
@@ -261,31 +254,16 @@ def parser() -> argparse.ArgumentParser:
         "a quoted pattern such as '*.csv'; several files are fitted together, as measurements of "
         "one sample",
     )  # fmt: skip
-    out.add_argument(
-        "--each", action="store_true",
-        help="fit every file by itself, and show a row of results for each, which --csv and --json "
-        "write as a table; a file that is refused is reported, and the others are fitted",
-    )  # fmt: skip
-    out.add_argument(
-        "--materials", action=_answer(_material_list), nargs="?", metavar="ri:WORDS",
-        help="print names, wavelengths and sources of the materials that --sample knows, and exit; "
-        "with ri:gold the entries of refractiveindex.info that have gold in name or title",
-    )  # fmt: skip
-    out.add_argument(
-        "--version", action=_answer(lambda _: f"{PROGRAM} {fitting.__version__}"), nargs=0,
-        help="print the version and exit",
-    )  # fmt: skip
     for title, text, options in _GROUPS:
-        group: Any = out.add_argument_group(title, text)
+        group: Any = out.add_argument_group(title, text) if title else out
         for name, metavar, help_text, *more in options:
-            more = more[0] if more else {}
-            if metavar:
-                more = {"metavar": metavar, **more}
-            group.add_argument(f"--{name}", help=help_text, **more)
+            own = {"metavar": metavar} if metavar else {}
+            group.add_argument(f"--{name}", help=help_text, **own, **(more[0] if more else {}))
     return out
 
 
 _GROUPS: tuple[tuple[str, str, Any], ...] = (
+    ("", "", _GENERAL),
     ("results", "Files are written whole or not at all.", _RESULTS),
     (
         "fitting",
@@ -319,20 +297,18 @@ def expanded(files: Sequence[str]) -> list[str]:
     """
     out = []
     for name in files:
-        found = [name]
-        if glob.has_magic(name) and not os.path.exists(name):
-            found = sorted(f for f in glob.glob(name, recursive=True) if os.path.isfile(f))
-        if not found:
+        if not glob.has_magic(name) or os.path.exists(name):
+            out.append(name)
+        elif found := sorted(f for f in glob.glob(name, recursive=True) if os.path.isfile(f)):
+            out += found
+        else:
             raise ValueError(f"{name}: no file matches this pattern.")
-        out += found
     return out
 
 
 def _given(arguments: argparse.Namespace, options: Any) -> dict[str, Any]:
-    """Return the values of options that were given, by the names of the arguments they stand for"""
-    values = vars(arguments)
-    names = (name.replace("-", "_") for name, *_ in options)
-    return {name: values[name] for name in names if values[name] is not None}
+    names = {name.replace("-", "_") for name, *_ in options}
+    return {n: value for n, value in vars(arguments).items() if n in names and value is not None}
 
 
 def _fit_options(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -427,10 +403,9 @@ def _run(arguments: argparse.Namespace) -> int:
         measurements = told_apart(
             [read_csv(file, **read) for file in arguments.file], arguments.file
         )
-        wavelength = np.concatenate([m.wavelength_um for m in measurements])
-        reference = arguments.reference and reference_text(
-            arguments.reference, wavelength, "--reference"
-        )
+        wavelength, reference = np.concatenate([m.wavelength_um for m in measurements]), ""
+        if arguments.reference:
+            reference = reference_text(arguments.reference, wavelength, "--reference")
         wanted = _files(arguments, len(np.unique(wavelength)) > 1)
         with shown("fit", quiet=arguments.quiet):
             found, choice = _fit(measurements, arguments)
@@ -441,7 +416,7 @@ def _run(arguments: argparse.Namespace) -> int:
         say(export.json_text(found, choice))
     elif not arguments.quiet:
         width = min(os.get_terminal_size().columns, 100) if sys.stdout.isatty() else 80
-        say(table(found, width, reference or "", choice))
+        say(table(found, width, reference, choice))
     with refusals(files.OutputError), shown("files written", quiet=arguments.quiet):
         files.write_files(
             found, wanted, reference=arguments.reference, command=arguments.command,
@@ -513,10 +488,8 @@ def _run_each(arguments: argparse.Namespace) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with ``argv`` (default: the process's arguments) and return its exit status.
 
-    0: every curve was fitted. 1: one or more curves have no index. 2: the command, a file or a
-    value in it cannot be understood, or a result cannot be written. 130: interrupted. An error that
-    the user can correct ends in one line on stderr that says what to do. ``--help``, ``--version``,
-    ``--materials`` and a mistyped option end in SystemExit, as usual with argparse.
+    An error that the user can correct ends in one line on stderr that says what to do; what
+    argparse answers (``--help``, a mistyped option) in SystemExit.
     """
     try:
         arguments = parser().parse_args(argv)
