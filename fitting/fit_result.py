@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from fitting.data.drawing import check_matplotlib
+from fitting.data.measurement import Measurement
 from fitting.outcomes.findings import with_headline
 from fitting.output import export, files, page, pictures, summary
 from fitting.predictions import predict
@@ -58,35 +60,55 @@ class Fit(FitData):
     def __str__(self) -> str:
         return summary.table(self)
 
-    def _repr_html_(self) -> str:
+    def _repr_html_(self, choice: Any = None) -> str:
+        """Return the cell of a notebook; choice: the `Choice` of which this is the fit."""
         drawn = self.shape or self.measurement is not None
         png = b""
         if drawn and importlib.util.find_spec("matplotlib") is not None:
             png = pictures.picture_bytes(pictures.draw(self, warnings=False), ".png")
-        return page.notebook(self, png)
+        return page.notebook(self, png, choice)
 
-    def plot(self, reference: str | None = None, others: FitData | Sequence[FitData] = ()) -> Any:
+    def plot(
+        self, reference: str | None = None, others: FitData | Sequence[FitData] = (),
+        measurement: Measurement | None = None,
+    ) -> Any:  # fmt: skip
         """Return a matplotlib Figure of data, fit and residuals.
+
+        Wavelengths are in nm, from 10 um on in um; the coordinates of the axis are micrometres.
 
         Args:
             reference: a named material, whose eta and k are drawn for comparison.
-            others: further fits, of these data or of the same quantities, whose curves, eta and k
-                are drawn, too.
+            others: further fits, of these data or of the same quantities, whose curves, residuals,
+                eta and k are drawn, too.
+            measurement: the data of one curve of `fit_many`, which keeps none; or others at which
+                the fit is looked at.
         """
-        return pictures.draw(self, reference, (others,) if isinstance(others, FitData) else others)
+        others = (others,) if isinstance(others, FitData) else others
+        return pictures.draw(self, reference, others, measurement=measurement)
 
     def report(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write a page and its files to a new or empty folder; ``overwrite``: to any folder."""
-        files.report(self, folder, overwrite=overwrite)
+        """Write a page and its files to a new or empty folder; ``overwrite``: to any folder.
+
+        All of it or, if that fails, nothing: report.html, fit.json, data.csv, fit.png, and
+        index.csv of a spectrum or a batch. The folder is created if there is none. Raises
+        ImportError without matplotlib, ValueError for a folder that cannot be written to.
+        """
+        check_matplotlib("report")
+        without = ["csv"] * (self.measurement is None)
+        without += ["index"] * (not self.shape and len(summary.index_waves(self)) < 2)
+        files.write_checked(
+            self, files.report_files(folder, without, overwrite=overwrite), overwrite
+        )
 
     def write_material(
         self, path: str | os.PathLike[str], medium: str | None = None, *, overwrite: bool = False
     ) -> Any:
         """Write eta and k of a medium as refractiveindex.info YAML, and its errors as CSV.
 
-        ``overwrite``: in place of files that no fit wrote, too.
+        Both or neither; returns the paths. ``overwrite``: replace files that no fit wrote, too.
         """
-        return files.write_material(self, path, medium, overwrite=overwrite)
+        wanted = files.material_files(path, (medium,))
+        return tuple(file.path for file in files.write_checked(self, wanted, overwrite))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for ``json.dumps``: NaN as None, arrays as lists, warnings as data."""

@@ -117,13 +117,10 @@ class Choice:
         ``models``: the candidates by rising BIC. ``describes_data``: `describes`. ``choice``: the
         reasons.
         """
-        models = [
-            {
-                "label": c.label, "taken": c.label == self.taken.label, "parameters": c.size,
-                "bic": c.fit.bic, "rms": c.fit.rms, "status": c.fit.status,
-            }
-            for c in self.candidates
-        ]  # fmt: skip
+        models = [{
+            "label": c.label, "taken": c.label == self.taken.label, "parameters": c.size,
+            "bic": c.fit.bic, "rms": c.fit.rms, "status": c.fit.status,
+        } for c in self.candidates]  # fmt: skip
         reasons = [reason.to_dict() for reason in self.reasons]
         return {"models": models, "describes_data": self.describes, "choice": reasons}
 
@@ -133,12 +130,14 @@ class Choice:
     def __str__(self) -> str:
         return str(self.fit)
 
+    def _repr_html_(self) -> str:
+        return self.fit._repr_html_(self)
+
     def with_fit(self, found: FitData) -> Choice:
         """Return the choice with another fit of the sample taken."""
-        fit = Fit.of(found)
-        taken = self.taken._replace(fit=fit)
+        taken = self.taken._replace(fit=Fit.of(found))
         everyone = tuple(taken if c.key == taken.key else c for c in self.candidates)
-        return replace(self, fit=fit, taken=taken, candidates=everyone)
+        return replace(self, fit=taken.fit, taken=taken, candidates=everyone)
 
 
 def candidate(key: Key, fit: FitData, errors: str) -> Candidate:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -29,6 +29,8 @@ MANY = 60
 # Curves over the wavelength at more angles than that go to panels of so many each; at more than
 # _MOST angles all go to one, and the legend gives their range.
 _TOGETHER, _MOST = 3, 12
+# Pictures show wavelengths in nm if all are below this.
+_NM_BELOW_UM = 10.0
 PANELS = ("power", *(name for name in TABLE if name not in POWERS))
 # Colour, marker, and whether it is hollow.
 Look = tuple[str, str, bool]
@@ -145,11 +147,6 @@ def lines_of(m: Measurement, curve: np.ndarray | None = None, names: Any = ()) -
     return out
 
 
-def panels_of(lines: Sequence[Line]) -> list[Panel]:
-    """Return the panels of lines: the quantities side by side, groups of angles in order."""
-    return sorted({line.panel for line in lines}, key=lambda p: (PANELS.index(p[0]), p[1]))
-
-
 def span_of(m: Measurement) -> tuple[float, float]:
     """Return the wavelengths; or 0 to 90 degrees, less if the angles span less than 45."""
     if over_wavelength(m):
@@ -171,25 +168,50 @@ def finish_panel(axes: Axes, kind: str, quantity: np.ndarray) -> None:
         axes.set_ylim(max(low, -0.02), min(high, 1.02))
 
 
-def finish_x(axes: Axes, m: Measurement) -> None:
-    """Name the axis of wavelengths or angles."""
-    axes.set_xlabel(
-        "wavelength (\u00b5m)" if over_wavelength(m) else "angle of incidence (degrees)"
-    )
-    axes.tick_params(labelbottom=True)
+def finish_x(every: Iterable[Axes], m: Measurement) -> None:
+    """Name the axis of wavelengths or angles below the lowest axes of each column.
+
+    Wavelengths are labelled in nm below 10 um, the habit of the field; the axis itself has um.
+    """
     low, high = span_of(m)
-    if not over_wavelength(m):
-        axes.set_xlim(low, high)
-        if high - low == 90.0:
-            axes.set_xticks(range(0, 91, 15))
+    for axes in {one.get_subplotspec().colspan.start: one for one in every}.values():  # type: ignore
+        axes.tick_params(labelbottom=True)
+        if not over_wavelength(m):
+            axes.set_xlabel("angle of incidence (degrees)")
+            axes.set_xlim(low, high)
+            if high - low == 90.0:
+                axes.set_xticks(range(0, 91, 15))
+        elif high < _NM_BELOW_UM:
+            axes.set_xlabel("wavelength (nm)")
+            axes.xaxis.set_major_formatter(lambda um, _: f"{1e3 * um:.6g}")
+        else:
+            axes.set_xlabel("wavelength (\u00b5m)")
 
 
-def places_of(panels: Sequence[Panel]) -> dict[Panel, tuple[int, int]]:
-    """Return row and column of each panel: a column a quantity; of one quantity up to three."""
+def panel_axes(
+    figure: Figure, lines: Sequence[Line], heights: Sequence[float], below: Sequence[float] = ()
+) -> tuple[dict[Panel, tuple[Axes, ...]], list[Axes]]:
+    """Return the axes of each panel, one of each height below the other; and those below all.
+
+    A column is a quantity, of one quantity up to three groups of angles. below: the heights of
+    further axes; of several columns they stand side by side. Heights are in inches.
+    """
+    panels = sorted({line.panel for line in lines}, key=lambda p: (PANELS.index(p[0]), p[1]))
     kinds = list(dict.fromkeys(kind for kind, _ in panels))
+    places = {(kind, group): (group, kinds.index(kind)) for kind, group in panels}
     if len(kinds) == 1:
-        return {panel: divmod(i, 3) for i, panel in enumerate(panels)}
-    return {(kind, group): (group, kinds.index(kind)) for kind, group in panels}
+        places = {panel: divmod(i, 3) for i, panel in enumerate(panels)}
+    rows, columns = (max(place) + 1 for place in zip(*places.values(), strict=True))
+    every = [*list(heights) * rows, *(below if columns == 1 else below[:1])]
+    width = 6.0 * columns if columns > 1 else 8.2 if below else 7.4
+    figure.set_size_inches(width, 2.0 + sum(every))
+    axes = figure.subplots(len(every), columns, sharex=True, height_ratios=every, squeeze=False)
+    n = len(heights)
+    own = {panel: tuple(axes[n * r : n * (r + 1), c]) for panel, (r, c) in places.items()}
+    further = [*axes[n * rows :].flat[: len(below)]]
+    for one in {*axes.flat} - {one for several in own.values() for one in several} - {*further}:
+        one.remove()
+    return own, further
 
 
 def draw_measurement(m: Measurement) -> Figure:
@@ -199,23 +221,15 @@ def draw_measurement(m: Measurement) -> Figure:
 
     with style():
         lines = lines_of(m)
-        places = places_of(panels_of(lines))
-        rows, columns = (max(place) + 1 for place in zip(*places.values(), strict=True))
-        size = (7.4 if columns == 1 else 5.2 * columns, 1.0 + 3.8 * rows)
-        figure = Figure(figsize=size, layout="constrained", facecolor="white")
-        grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
-        for panel, place in places.items():
-            axes = grid[place]
+        figure = Figure(layout="constrained", facecolor="white")
+        own, _ = panel_axes(figure, lines, (3.0,))
+        for panel, (axes,) in own.items():
             for line in lines:
                 if line.panel == panel:
                     x, value, sigma = (a[line.rows] for a in (axis_of(m), m.value, m.sigma))
                     points(axes, x, value, sigma, line.look, line.label)
             finish_panel(axes, panel[0], m.quantity)
             axes.legend(loc="best")
-        for axes in {*grid.flat} - {grid[place] for place in places.values()}:
-            axes.remove()
-        lowest = {place[1]: grid[place] for _, place in sorted(places.items(), key=lambda p: p[1])}
-        for axes in lowest.values():
-            finish_x(axes, m)
-        grid[0, 0].set_title(plain_title(m.source), fontweight="bold")
+        finish_x(figure.axes, m)
+        figure.axes[0].set_title(plain_title(m.source), fontweight="bold")
         return figure

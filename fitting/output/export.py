@@ -16,31 +16,14 @@ import numpy as np
 import fitting
 from fitting.data.errors import MissingExtra
 from fitting.data.units import span_of
+from fitting.output import summary
 from fitting.output.numbers import number, value_text
-from fitting.output.summary import (
-    by_wavelength,
-    counted,
-    head_of,
-    index_waves,
-    rows_aligned,
-    sample_text,
-    status_of,
-    title_of,
-    varied_of,
-)
 from fitting.predictions import predict
 from fitting.process.visible import visible
 from fitting.residuals.residuals import residuals
 from fitting.results.diagnostics import Warning
 from fitting.results.result import FitData
-from fitting.results.result_parts import (
-    DETERMINED,
-    UNDETERMINED,
-    Alternative,
-    Comparison,
-    Estimate,
-    IndexBand,
-)
+from fitting.results.result_parts import DETERMINED, REFUSED, UNDETERMINED, Alternative, Estimate
 
 _AS_IT_IS = (
     "names", "covariance", "correlation", "wavelength_um", "chi2", "chi2_reduced", "dof", "n_data",
@@ -52,7 +35,6 @@ DATA_MARK, INDEX_MARK = f"data of a fit, {WRITTEN_BY}", f"index of a fit, {WRITT
 EACH_MARK = f"results of files fitted one by one, {WRITTEN_BY}"
 """The first comments of tables, by which a later run recognises what is no measurement, and which
 files it may replace."""
-REFUSED = "refused"
 # What makes a spreadsheet compute a cell; also as wide letters.
 _FORMULA = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 
@@ -113,11 +95,11 @@ def to_dict(fit: FitData) -> dict[str, Any]:
         fields |= {"eta": fit.eta, "k": fit.k}
     fields |= {name: getattr(fit, name) for name in _AS_IT_IS}
     fields["errors"] = fit.errors._asdict()
-    fields["index"] = fit.index()._asdict() if len(index_waves(fit)) else {}
+    fields["index"] = fit.index()._asdict() if len(summary.index_waves(fit)) else {}
     return plain(fields)
 
 
-def json_text(fit: FitData, choice: Comparison | None = None) -> str:
+def json_text(fit: FitData, choice: Any = None) -> str:
     """Return `to_dict` and what `choose` compared as a JSON object, one line for each field."""
     return json_object(to_dict(fit) | ({} if choice is None else choice.to_dict()))
 
@@ -150,7 +132,7 @@ def _comments(fit: FitData) -> list[str]:
     # Parameters that all fits of a batch share have no column of their own.
     values = ", ".join(f"{n} {v!r}" for n, v in fit.values.items() if not np.ndim(v))
     last = values if fit.shape else f"{values}, {fit.status}"
-    return [f"{title_of(fit)}{understood}", sample_text(fit), *[last] * bool(last)]
+    return [f"{summary.title_of(fit)}{understood}", summary.sample_text(fit), *[last] * bool(last)]
 
 
 def data_columns(fit: FitData) -> dict[str, list[Any]]:
@@ -202,13 +184,13 @@ def batch_columns(fit: FitData) -> dict[str, list[Any]]:
     interval), NAME_interval_kind, NAME_upper_limit; then chi2, ..., status.
     """
     each: dict[str, Any] = {}
-    if by_wavelength(fit) or np.shape(fit.wavelength_um) == fit.shape == ():
+    if summary.by_wavelength(fit) or np.shape(fit.wavelength_um) == fit.shape == ():
         each["wavelength_um"] = fit.wavelength_um
     elif fit.shape:
         places = np.indices(fit.shape)
         heads = ["curve"] if len(places) == 1 else [f"curve_{i}" for i in range(len(places))]
         each |= dict(zip(heads, places, strict=True))
-    found = {name: fit.parameters[name] for name in varied_of(fit)}
+    found = {name: fit.parameters[name] for name in summary.varied_of(fit)}
     each |= {name: e.value for name, e in found.items()}
     for name, e in found.items():
         low, high = np.moveaxis(e.interval, -1, 0)
@@ -269,46 +251,34 @@ def rows_text(files: Sequence[OfFile]) -> str:
     chi2/dof of a spectrum is the median over its wavelengths.
     """
 
-    def of(fit: FitData, name: str) -> str:
-        if name not in fit.parameters:
-            return "-"
-        e = fit.parameters[name]
-        if fit.shape:
-            values = np.asarray(e.value)
-            some = values[np.isfinite(values)]
-            return f"{some.min():.4g} to {some.max():.4g}" if some.size else "-"
-        return f"({value_text(e)})" if fit.status == UNDETERMINED else value_text(e)
-
-    def chi2(fit: FitData) -> str:
-        value = np.ravel(fit.chi2_reduced).astype(float)
-        some = value[np.isfinite(value)]
-        return number(float(np.median(some)), 3) if some.size else "-"
+    def finite(values: Any) -> np.ndarray:
+        flat = np.ravel(values).astype(float)
+        return flat[np.isfinite(flat)]
 
     fits = [file.fit for file in files if file.fit is not None]
-    heads = {n: head_of(n, fit.parameters[n].unit) for fit in fits for n in varied_of(fit)}
-    stated = any(chi2(fit) != "-" for fit in fits)
-    rows = [["file", *heads.values(), *["chi2/dof"] * stated, "status"]]
+    heads = {
+        n: summary.head_of(n, fit.parameters[n].unit)
+        for fit in fits
+        for n in summary.varied_of(fit)
+    }
+    rows = [["file", *heads.values(), "chi2/dof", "status"]]
     for name, fit, _ in files:
-        if fit is None:
-            cells = [*["-"] * (len(heads) + stated), REFUSED]
-        else:
-            warned = f", {counted(len(fit.findings), 'warning')}" if fit.findings else ""
-            cells = [*(of(fit, n) for n in heads), *[chi2(fit)] * stated, status_of(fit) + warned]
+        cells = ["-"] * (len(heads) + 1) + [REFUSED]
+        if fit is not None:
+            for i, e in enumerate(map(fit.parameters.get, heads)):
+                if e is not None and not fit.shape:
+                    text = value_text(e)
+                    cells[i] = f"({text})" if fit.status == UNDETERMINED else text
+                elif e is not None and (some := finite(e.value)).size:
+                    cells[i] = f"{some.min():.4g} to {some.max():.4g}"
+            if (chi2 := finite(fit.chi2_reduced)).size:
+                cells[-2] = number(float(np.median(chi2)), 3)
+            warned = f", {summary.counted(len(fit.findings), 'warning')}" if fit.findings else ""
+            cells[-1] = summary.status_of(fit) + warned
         rows.append([visible(name), *cells])
-    return "\n".join(rows_aligned(rows)) + "\n"
-
-
-def _rows(file: OfFile) -> list[dict[str, Any]]:
-    """Return one row for a file, or one for each wavelength if the index is free at each."""
-    fit, first = file.fit, {"file": visible(file.name)}
-    if fit is None:
-        return [{**first, "status": REFUSED, "message": visible(file.error)}]
-    first["sample"] = str(fit.sample)
-    columns = batch_columns(fit)
-    warnings = np.ravel(fit.warnings) if fit.shape else [fit.warnings]
-    columns["warnings"] = [" ".join(w.code for w in some) for some in warnings]
-    cells = zip(*columns.values(), strict=True)
-    return [{**first, **dict(zip(columns, row, strict=True))} for row in cells]
+    if all(row[-2] == "-" for row in rows[1:]):  # no errors are stated
+        rows = [[*row[:-2], row[-1]] for row in rows]
+    return "\n".join(summary.rows_aligned(rows)) + "\n"
 
 
 def rows_csv(files: Sequence[OfFile], decimal: str = ".") -> str:
@@ -317,53 +287,33 @@ def rows_csv(files: Sequence[OfFile], decimal: str = ".") -> str:
     Columns: file, sample, those of `batch_columns`, the codes of the warnings, and the message of a
     file that was refused. Columns that would be empty are left out.
     """
-    rows = [row for file in files for row in _rows(file)]
+    rows: list[dict[str, Any]] = []
+    for name, fit, error in files:
+        first = {"file": visible(name)}
+        if fit is None:
+            rows.append({**first, "status": REFUSED, "message": visible(error)})
+            continue
+        columns = batch_columns(fit)
+        warnings = np.ravel(fit.warnings) if fit.shape else [fit.warnings]
+        columns["warnings"] = [" ".join(w.code for w in some) for some in warnings]
+        first["sample"] = str(fit.sample)
+        cells = zip(*columns.values(), strict=True)
+        rows += [first | dict(zip(columns, row, strict=True)) for row in cells]
     ends = ["chi2", "chi2_reduced", "dof", "n_data", "rms", "status", "warnings", "message"]
     heads = dict.fromkeys(["file", "sample", "wavelength_um"])
     heads |= dict.fromkeys(head for row in rows for head in row if head not in ends)
-    columns = {head: [row.get(head, "") for row in rows] for head in [*heads, *ends]}
-    filled = {h: c for h, c in columns.items() if any(x not in ("", None) and x == x for x in c)}
+    table = {head: [row.get(head, "") for row in rows] for head in [*heads, *ends]}
+    filled = {h: c for h, c in table.items() if any(x not in ("", None) and x == x for x in c)}
     return csv_text([EACH_MARK], filled, decimal)
 
 
 def rows_json(files: Sequence[OfFile]) -> str:
     """Return ``{"files": [...]}``: for each file the fields of `to_dict`, or why it was refused."""
-    each = []
-    for name, fit, error in files:
-        fields = {"status": REFUSED, "message": error} if fit is None else to_dict(fit)
-        each.append({"file": name, **fields})
+    each = [
+        {"file": name} | ({"status": REFUSED, "message": error} if fit is None else to_dict(fit))
+        for name, fit, error in files
+    ]
     return json_object({"written_by": "fresnel-fit", "files": each})
-
-
-def material_texts(
-    band: IndexBand, reference: str, comments: str, conditions: Mapping[str, str]
-) -> tuple[str, str]:
-    """Return an index as YAML in the format of refractiveindex.info, and a CSV with its errors.
-
-    Other programs read the YAML, and so does the next fit (--sample 'air | film.yml 80 nm | Si').
-    The format has no place for standard errors; hence the CSV, which `material_files` reads too.
-    Rows without a number are left out. Raises ValueError where none is left.
-    """
-    columns = np.array([band.wavelength_um, band.eta, band.k, band.sigma_eta, band.sigma_k], float)
-    rows = columns.T[np.isfinite(columns[:3]).all(axis=0)]
-    if not len(rows):
-        raise ValueError(
-            "eta and k are known at no wavelength, and no file was written: the wavelength is not "
-            "stated, or the data do not determine eta and k."
-        )
-    rows = rows[np.argsort(rows[:, 0], kind="stable")]
-    lines = []
-    for key, text in (("REFERENCES", reference), ("COMMENTS", comments)):
-        lines += [f"{key}: |", *(f"    {visible(line)}" for line in text.splitlines())]
-    lines.append("CONDITIONS:")
-    for name, text in conditions.items():  # in quotes, which YAML cannot misread
-        quoted = visible(text).replace("\\", "\\\\").replace('"', '\\"')
-        lines.append(f'  {name}: "{quoted}"')
-    lines += ["DATA:", "  - type: tabulated nk", "    data: |"]
-    lines += ["        " + " ".join(f"{x:.9g}" for x in row[:3]) for row in rows]
-    heads = ["wavelength_um", "n", "k", "sigma_n", "sigma_k"]
-    errors: dict[str, Any] = dict(zip(heads, rows.T.tolist(), strict=True))
-    return "\n".join(lines) + "\n", csv_text([INDEX_MARK], errors, ".")
 
 
 def _with_error(e: Estimate) -> str:
@@ -373,15 +323,24 @@ def _with_error(e: Estimate) -> str:
 
 
 def material_of(fit: FitData, medium: str | None = None) -> tuple[str, str]:
-    """Return `material_texts` of a fitted medium. medium: as for `Fit.index`.
+    """Return an index as YAML in the format of refractiveindex.info, and a CSV with its errors.
 
-    If the index is free at every wavelength, those are left out at which the data do not determine
-    it. Raises ValueError where there is no index or no wavelength.
+    Other programs read the YAML, and so does the next fit (--sample 'air | film.yml 80 nm | Si').
+    The format has no place for standard errors; hence the CSV, which `material_files` reads too.
+    medium: as for `Fit.index`. Of an index that is free at every wavelength those are left out at
+    which the data do not determine it. Raises ValueError where there is no index or no wavelength.
     """
-    band = fit.index(None, medium)
+    band, m = fit.index(None, medium), fit.measurement
     good = [*DETERMINED] if fit.shape else [*DETERMINED, UNDETERMINED]
     known = np.isin(np.broadcast_to(np.ravel(fit.status), band.eta.shape), good)
-    m = fit.measurement
+    columns = np.array([band.wavelength_um, band.eta, band.k, band.sigma_eta, band.sigma_k], float)
+    rows = columns.T[known & np.isfinite(columns[:3]).all(axis=0)]
+    if not len(rows):
+        raise ValueError(
+            "eta and k are known at no wavelength, and no file was written: the wavelength is not "
+            "stated, or the data do not determine eta and k."
+        )
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
     comments = ["The standard errors of n and k are in the CSV file beside this one."]
     conditions = {"sample": str(fit.sample)}
     if m is not None:
@@ -391,8 +350,17 @@ def material_of(fit: FitData, medium: str | None = None) -> tuple[str, str]:
             conditions[name] = _with_error(e)
         elif "thickness" not in name and not fit.shape:
             comments.append(f"{name} = {_with_error(e)}")
-    if not fit.shape:
-        comments += [f"Warning: {w.text}" for w in fit.warnings]
+    comments += [] if fit.shape else [f"Warning: {w.text}" for w in fit.warnings]
     reference = f"Fitted by fresnel-fit to {'arrays' if m is None else m.source}"
-    some = IndexBand(*(column[known] for column in band))
-    return material_texts(some, reference, "\n".join(comments), conditions)
+    lines = []
+    for key, texts in (("REFERENCES", reference), ("COMMENTS", "\n".join(comments))):
+        lines += [f"{key}: |", *(f"    {visible(line)}" for line in texts.splitlines())]
+    lines.append("CONDITIONS:")
+    for name, text in conditions.items():  # in quotes, which YAML cannot misread
+        quoted = visible(text).replace("\\", "\\\\").replace('"', '\\"')
+        lines.append(f'  {name}: "{quoted}"')
+    lines += ["DATA:", "  - type: tabulated nk", "    data: |"]
+    lines += ["        " + " ".join(f"{x:.9g}" for x in row[:3]) for row in rows]
+    heads = ["wavelength_um", "n", "k", "sigma_n", "sigma_k"]
+    errors: dict[str, Any] = dict(zip(heads, rows.T.tolist(), strict=True))
+    return "\n".join(lines) + "\n", csv_text([INDEX_MARK], errors, ".")

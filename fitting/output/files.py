@@ -8,27 +8,21 @@ import shutil
 import tempfile
 from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from fitting.data.drawing import check_matplotlib
 from fitting.output.export import data_csv, index_csv, json_text, material_of
 from fitting.output.page import fit_page
 from fitting.output.pictures import draw, picture_bytes
-from fitting.output.summary import index_waves
 from fitting.process.progress import tell
 from fitting.results.result import FitData
-from fitting.results.result_parts import Comparison
 from fitting.samples.known_media import MaterialFile
 from fitting.samples.sample import Sample
 
 # What a report folder holds. The page comes last, since the picture goes into it.
 REPORT = {
-    "json": "fit.json",
-    "csv": "data.csv",
-    "index": "index.csv",
-    "plot": "fit.png",
+    "json": "fit.json", "csv": "data.csv", "index": "index.csv", "plot": "fit.png",
     "page": "report.html",
-}
+}  # fmt: skip
 STDIN = "-"
 # The name of a file until it is complete begins so; a killed run may leave it.
 _INCOMPLETE = ".fresnel-fit-"
@@ -55,14 +49,14 @@ class ResultFile(NamedTuple):
         of a material. path: where it goes.
     asked: the option by which it was asked for, for messages; "" in Python.
     medium: whose index it holds; None for the only one.
-    new_folder: whether its folder is made if there is none.
+    in_report: whether it is one of a report, whose folder is made if there is none.
     """
 
     what: str
     path: Path
     asked: str = ""
     medium: str | None = None
-    new_folder: bool = False
+    in_report: bool = False
 
 
 def _identity(path: str | os.PathLike[str]) -> tuple[int, int] | None:
@@ -76,7 +70,7 @@ def _identity(path: str | os.PathLike[str]) -> tuple[int, int] | None:
 
 def refuse_repeats(inputs: Iterable[str]) -> None:
     """Raise OutputError if a file is given twice, since its data would count twice in the fit."""
-    seen: dict[tuple[int, int], str] = {}
+    seen: dict[Any, str] = {}
     for name in inputs:
         identity = _identity(name)
         if identity in seen:
@@ -84,8 +78,7 @@ def refuse_repeats(inputs: Iterable[str]) -> None:
                 f"{name}: this is the same file as {seen[identity]}; its data would count twice. "
                 "Give it once."
             )
-        if identity is not None:
-            seen[identity] = name
+        seen |= {identity: name} if identity else {}
 
 
 def begins(path: str | os.PathLike[str], pattern: re.Pattern[bytes] = _OF_A_FIT) -> bool:
@@ -102,11 +95,9 @@ def _overwrite(asked: str) -> str:
 
 
 def report_files(
-    folder: str | os.PathLike[str],
-    without: Container[str] = (),
-    asked: str = "",
+    folder: str | os.PathLike[str], without: Container[str] = (), asked: str = "",
     overwrite: bool = False,
-) -> list[ResultFile]:
+) -> list[ResultFile]:  # fmt: skip
     """Return the files of a report in ``folder``, which is new or empty, or holds files of fits.
 
     without: contents that are left out. overwrite: it may hold other files. Raises OutputError for
@@ -126,11 +117,53 @@ def report_files(
             f"{_overwrite(asked)} to write the report into this one, where it replaces files of "
             "the same names."
         )
+    files = [f for f in REPORT.items() if f[0] not in without]
+    return [ResultFile(what, folder / file, asked, in_report=True) for what, file in files]
+
+
+def material_files(
+    path: str | os.PathLike[str], media: Sequence[str | None] = (None,), asked: str = ""
+) -> list[ResultFile]:
+    """Return the files of the index and the errors of media: of several, out_film.yml of out.yml.
+
+    Raises ValueError for a path that does not end in .yml.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in (".yml", ".yaml"):
+        name = f"{asked} {file}".strip()
+        raise ValueError(f"{name}: the name of a material file must end in .yml.")
+    stems = [file.stem if len(media) == 1 else f"{file.stem}_{medium}" for medium in media]
     return [
-        ResultFile(what, folder / file, asked, new_folder=True)
-        for what, file in REPORT.items()
-        if what not in without
+        ResultFile(what, file.with_name(stem + ending), asked, medium)
+        for stem, medium in zip(stems, media, strict=True)
+        for what, ending in (("material", file.suffix), ("errors", "_errors.csv"))
     ]
+
+
+def fitted_media(samples: Sequence[Sample]) -> tuple[str | None, ...]:
+    """Return the places of the media whose index is fitted; (None,) where there is one or none.
+
+    Raises ValueError for samples among which one is going to be chosen, if their fitted media
+    differ in place, since it is not known yet which files there will be.
+    """
+    each = {
+        tuple(place for place, m in zip(s.places[1:], s.media[1:], strict=True) if m.unknown)
+        for s in samples
+    }
+    if max(map(len, each)) <= 1:
+        return (None,)
+    if len(each) > 1:
+        raise ValueError(
+            "--material: the samples that are compared have different fitted media. Choose one of "
+            "them first, and write its media in a fit of that sample alone."
+        )
+    return each.pop()
+
+
+def files_named(*samples: Sample | None) -> list[str]:
+    """Return the files with an index that are media of samples."""
+    known = [part for s in samples if s is not None for m in s.media for part in m.known]
+    return [part.path for part in known if isinstance(part, MaterialFile)]
 
 
 def checked(
@@ -146,15 +179,8 @@ def checked(
     for file in files:
         final = Path(os.path.realpath(file.path))
         try:
-            if final in out:
-                wrong = "two results cannot go to the same file; give each a name."
-            elif _identity(final) in read:
-                wrong = (
-                    f"{final.name} is a file that this fit reads, which must not be overwritten; "
-                    "choose another name."
-                )
-            else:
-                wrong = _obstacle(final, file, overwrite)
+            wrong = "two results cannot go to the same file; give each a name." * (final in out)
+            wrong = wrong or _obstacle(final, file, read, overwrite)
         except OSError as error:
             wrong = f"cannot be written ({error.strerror})."
         if wrong:
@@ -163,8 +189,16 @@ def checked(
     return list(out.values())
 
 
-def _obstacle(final: Path, file: ResultFile, overwrite: bool) -> str:
-    """Return what keeps a file from being written; "" for nothing. May raise OSError."""
+def _obstacle(final: Path, file: ResultFile, read: Container[Any], overwrite: bool) -> str:
+    """Return what keeps a file from being written; "" for nothing. May raise OSError.
+
+    read: the identities of the files that the fit reads.
+    """
+    if _identity(final) in read:
+        return (
+            f"{final.name} is a file that this fit reads, which must not be overwritten; choose "
+            "another name."
+        )
     if final.exists():
         if not final.is_file():
             return f"this is {'a folder' if final.is_dir() else 'not a regular file'}; name a file."
@@ -175,7 +209,7 @@ def _obstacle(final: Path, file: ResultFile, overwrite: bool) -> str:
                 "the file exists and was not written by a fit. Choose another name, or "
                 f"{_overwrite(file.asked)} to replace it."
             )
-    new = file.new_folder and not final.parent.exists()
+    new = file.in_report and not final.parent.exists()
     folder = final.parent.parent if new else final.parent
     if not folder.is_dir():
         return f"there is no folder {folder}; create it first."
@@ -215,23 +249,14 @@ def write_whole(contents: Mapping[Path, str | bytes]) -> None:
 
 
 def write_files(
-    fit: FitData,
-    files: Iterable[ResultFile],
-    *,
-    reference: str | None = None,
-    command: str = "",
-    choice: Comparison | None = None,
-    decimal: str = ".",
-) -> None:
-    """Write every file that was asked for, or none; a page comes after the picture it contains.
+    fit: FitData, files: Iterable[ResultFile], *, reference: str | None = None, command: str = "",
+    choice: Any = None, decimal: str = ".",
+) -> None:  # fmt: skip
+    """Write every file that was asked for, or none.
 
-    Args:
-        fit: what was found.
-        files: as `checked` returns them.
-        reference: a named material, drawn beside eta and k.
-        command: how the fit was asked for, for the foot of the page.
-        choice: what was compared, if a model was chosen.
-        decimal: decimal mark of the tables; with "," their cells are separated by semicolons.
+    files: as `checked` returns them. reference: a named material, drawn beside eta and k. command:
+    how the fit was asked for, for the foot of the page. choice: a `Choice`, if a model was chosen.
+    decimal: decimal mark of the tables; with "," their cells are separated by semicolons.
     """
     png, contents = b"", {}
     for what, path, asked, medium, in_report in files:
@@ -252,75 +277,8 @@ def write_files(
     write_whole(contents)
 
 
-def report(fit: FitData, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Write the report of a fit into ``folder``: all of it or, if that fails, nothing.
-
-    report.html, fit.json, data.csv, fit.png, and index.csv of a spectrum or a batch. The folder is
-    created if there is none; overwrite: it may hold other files. Raises ImportError without
-    matplotlib, ValueError for a folder that cannot be created or written to.
-    """
-    check_matplotlib("report")
-    without = ["csv"] * (fit.measurement is None)
-    without += ["index"] * (not fit.shape and len(index_waves(fit)) < 2)
-    files = report_files(folder, without, overwrite=overwrite)
-    write_files(fit, checked(files, files_named(fit.sample), overwrite))
-
-
-def write_material(
-    fit: FitData,
-    path: str | os.PathLike[str],
-    medium: str | None = None,
-    *,
-    overwrite: bool = False,
-) -> tuple[Path, Path]:
-    """Write the index of a medium and its errors, or neither, and return the paths.
-
-    overwrite: replace files that no fit wrote, too.
-    """
-    files = material_files(path, (medium,))
-    write_files(fit, checked(files, files_named(fit.sample), overwrite))
-    return files[0].path, files[1].path
-
-
-def material_files(
-    path: str | os.PathLike[str], media: Sequence[str | None] = (None,), asked: str = ""
-) -> list[ResultFile]:
-    """Return the files of the index and the errors of media: of several, out_film.yml of out.yml.
-
-    Raises ValueError for a path that does not end in .yml.
-    """
-    file, out = Path(path), []
-    if file.suffix.lower() not in (".yml", ".yaml"):
-        name = f"{asked} {file}".strip()
-        raise ValueError(f"{name}: the name of a material file must end in .yml.")
-    for medium in media:
-        name = file.stem if len(media) == 1 else f"{file.stem}_{medium}"
-        for what, ending in (("material", file.suffix), ("errors", "_errors.csv")):
-            out.append(ResultFile(what, file.with_name(name + ending), asked, medium))
-    return out
-
-
-def fitted_media(samples: Sequence[Sample]) -> tuple[str | None, ...]:
-    """Return the places of the media whose index is fitted; (None,) where there is one or none.
-
-    Raises ValueError for samples among which one is going to be chosen, if their fitted media
-    differ in place, since it is not known yet which files there will be.
-    """
-    each = {
-        tuple(place for place, m in zip(s.places[1:], s.media[1:], strict=True) if m.unknown)
-        for s in samples
-    }
-    if max(map(len, each)) <= 1:
-        return (None,)
-    if len(each) > 1:
-        raise ValueError(
-            "--material: the samples that are compared have different fitted media. Choose one of "
-            "them first, and write its media in a fit of that sample alone."
-        )
-    return each.pop()
-
-
-def files_named(*samples: Sample | None) -> list[str]:
-    """Return the files with an index that are media of samples."""
-    known = [part for s in samples if s is not None for m in s.media for part in m.known]
-    return [part.path for part in known if isinstance(part, MaterialFile)]
+def write_checked(fit: FitData, files: Iterable[ResultFile], overwrite: bool) -> list[ResultFile]:
+    """Write files of a fit in Python, and return them; no material of its sample is replaced."""
+    wanted = checked(files, files_named(fit.sample), overwrite)
+    write_files(fit, wanted)
+    return wanted

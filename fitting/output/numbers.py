@@ -121,11 +121,6 @@ def _to_its_interval(value: float, low: float, high: float) -> str:
     return f"{value:.{digits - 1}e}" if 0.0 < abs(value) < 1e-3 else number(value, digits)
 
 
-def with_unit(text: str, unit: str) -> str:
-    """Return ``text`` with the unit behind it, if there is one."""
-    return f"{text} {unit}" if unit and text else text
-
-
 def value_text(e: Estimate, student: float = math.nan) -> str:
     """Return the value of one fit with its standard error and unit.
 
@@ -144,7 +139,7 @@ def value_text(e: Estimate, student: float = math.nan) -> str:
         text = with_error(value, sigma)
     else:
         text = _to_its_interval(value, low, high)
-    return with_unit(text, e.unit)
+    return f"{text} {e.unit}".rstrip()
 
 
 def interval_of(e: Estimate) -> str:

@@ -9,21 +9,10 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from fitting.output import summary
 from fitting.output.export import WRITTEN_BY, data_columns
-from fitting.output.summary import (
-    Facts,
-    batch_rows,
-    by_wavelength,
-    facts,
-    heading,
-    index_rows,
-    parameter_rows,
-    title_of,
-    warnings_of,
-)
 from fitting.process.visible import visible
 from fitting.results.result import FitData
-from fitting.results.result_parts import Comparison
 
 # A table of more rows is folded, since the same numbers are in the CSV files.
 OPEN_ROWS = 40
@@ -79,27 +68,32 @@ def figure(caption: str, png: bytes) -> str:
     return f"<figure><img {source}>{element('figcaption', caption)}</figure>"
 
 
-def _listed(rows: Facts) -> str:
+def _listed(rows: summary.Facts) -> str:
     """Return a list of labels and texts."""
     each = [element("dt", label) + element("dd", text) for label, text in rows]
     return "\n".join(["<dl>", *each, "</dl>"])
 
 
-def _parts(fit: FitData, choice: Comparison | None, png: bytes, level: int) -> list[str]:
-    """Return title, result, picture, warnings and notes, and last what was read and fitted."""
+def _parts(fit: FitData, choice: Any, png: bytes, level: int) -> list[str]:
+    """Return title, result, picture, warnings and notes, what was read and fitted, and compared."""
     below = f"h{level + 1}"
-    told = [("warning", f"{label.capitalize()}: {text}") for label, text in warnings_of(fit)]
+    told = [("warning", f"{name.capitalize()}: {text}") for name, text in summary.warnings_of(fit)]
     reasons = [] if choice is None else choice.reasons
     told += [("note", f"Note: {note.text}") for note in [*reasons, *fit.notes]]
-    paragraphs = [element("p", text, f" class={kind}") for kind, text in told]
     caption = "Data and fitted curves with one standard error, and data - fit."
-    data = fit.measurement is not None
-    picture = [figure(caption if data else "The fitted parameters of the batch.", png)]
-    table, result = _main(fit, below), _listed(facts(fit))
-    # the table of a batch is too long to stand above the picture
-    first, last = ([], [table]) if fit.shape else ([table], [])
-    head = [element(f"h{level}", title_of(fit)), *first, result, *(picture if png else [])]
-    return [*head, *paragraphs, *last, _listed(heading(fit))]
+    if fit.measurement is None:
+        caption = "The fitted parameters of the batch."
+    parts = [_listed(summary.facts(fit)), *([figure(caption, png)] if png else [])]
+    parts += [element("p", text, f" class={kind}") for kind, text in told]
+    if fit.shape:  # the table of a batch is too long to stand above the picture
+        title = "Index over wavelength" if summary.by_wavelength(fit) else "Curves"
+        parts.append(html_table(title, summary.batch_rows(fit, intervals=True), below))
+    else:
+        parts.insert(0, html_table("Parameters", summary.parameter_rows(fit), below))
+    parts.append(_listed(summary.heading(fit)))
+    if choice is not None:
+        parts.append(html_table("Models compared", choice.table(), below))
+    return [element(f"h{level}", summary.title_of(fit)), *parts]
 
 
 def document(title: str, parts: Iterable[str], foot: str) -> str:
@@ -112,41 +106,31 @@ def document(title: str, parts: Iterable[str], foot: str) -> str:
     return "\n".join([head, *parts, element("footer", foot), "</body></html>"]) + "\n"
 
 
-def _main(fit: FitData, level: str = "h2") -> str:
-    """Return the table of parameters, or that of the fits of a batch."""
-    if not fit.shape:
-        return html_table("Parameters", parameter_rows(fit), level)
-    title = "Index over wavelength" if by_wavelength(fit) else "Curves"
-    return html_table(title, batch_rows(fit, intervals=True), level)
-
-
 def _cell(value: Any) -> str:
     if isinstance(value, str):
         return value
     return "" if math.isnan(value) else f"{value:.6g}"
 
 
-def fit_page(fit: FitData, png: bytes, command: str = "", choice: Comparison | None = None) -> str:
+def fit_page(fit: FitData, png: bytes, command: str = "", choice: Any = None) -> str:
     """Return the page of a fit, one self-contained HTML file.
 
     png: the picture. command: the command line that made the fit, for the foot of the page.
     choice: what `choose` compared, if a model was chosen.
     """
     parts = _parts(fit, choice, png, 1)
-    if choice is not None:
-        parts.append(html_table("Models compared", choice.table()))
-    if rows := index_rows(fit):
+    if rows := summary.index_rows(fit):
         parts.append(html_table("Index over wavelength", [["wavelength_um", "eta", "k"], *rows]))
     if fit.measurement is not None:
         columns = data_columns(fit)
         rows = [list(map(_cell, row)) for row in zip(*columns.values(), strict=True)]
         title = "Data (powers as fractions, angles in degrees)"
         parts.append(html_table(title, [list(columns), *rows]))
-    return document(title_of(fit), parts, command)
+    return document(summary.title_of(fit), parts, command)
 
 
-def notebook(fit: FitData, png: bytes = b"") -> str:
+def notebook(fit: FitData, png: bytes = b"", choice: Any = None) -> str:
     """Return the result and its picture as HTML for a cell, whose style affects no other."""
     style = re.sub(r"(?m)^(?=[a-z.])", ".fresnel-fit ", _STYLE)
-    parts = [f"<style>{style}</style>", "<div class=fresnel-fit>", *_parts(fit, None, png, 3)]
+    parts = [f"<style>{style}</style>", "<div class=fresnel-fit>", *_parts(fit, choice, png, 3)]
     return "\n".join([*parts, "</div>"]) + "\n"

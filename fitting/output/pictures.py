@@ -14,40 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitting.data.drawing import (
-    GREY,
-    MANY,
-    Line,
-    Panel,
-    axis_of,
-    check_matplotlib,
-    finish_panel,
-    finish_x,
-    lines_of,
-    over_wavelength,
-    panels_of,
-    places_of,
-    plain_title,
-    points,
-    span_of,
-    style,
-)
+from fitting.data import drawing
+from fitting.data.drawing import GREY, MANY, Line, over_wavelength, plain_title, points
 from fitting.data.measurement import Measurement
 from fitting.data.quantities import ANGLES
+from fitting.output import summary
 from fitting.output.export import has_several_curves
-from fitting.output.numbers import number, size_text, value_text, with_unit
-from fitting.output.summary import (
-    counted,
-    index_waves,
-    reach,
-    reference_index,
-    reference_text,
-    shown_name,
-    status_of,
-    title_of,
-    varied_of,
-    warnings_of,
-)
+from fitting.output.numbers import number, size_text, value_text
 from fitting.predictions import predict
 from fitting.process.visible import visible
 from fitting.residuals.residuals import residuals
@@ -79,7 +52,10 @@ _DECADES, _SEEN = 30.0, 1e-6
 # How many parameters of a batch are drawn.
 _PARAMETERS = 4
 # How the curves of further fits are drawn.
-_OTHERS = (("--", "#333333"), (":", "#AA3377"), ("-.", "#228833"))
+_OTHERS: tuple[dict[str, Any], ...] = (
+    {"linestyle": "--", "color": DARK}, {"linestyle": ":", "color": "#AA3377"},
+    {"linestyle": "-.", "color": "#228833"},
+)  # fmt: skip
 # A fitted curve: x, value and standard error, (A,) each.
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -89,7 +65,7 @@ def check_picture(path: str) -> None:
     if Path(path).suffix.lower() not in FORMATS:
         endings = ", ".join(FORMATS)
         raise ValueError(f"--plot {path}: the name of a picture must end in one of {endings}.")
-    check_matplotlib("--plot")
+    drawing.check_matplotlib("--plot")
 
 
 def picture_bytes(figure: Figure, suffix: str) -> bytes:
@@ -98,7 +74,7 @@ def picture_bytes(figure: Figure, suffix: str) -> bytes:
     The same figure gives the same bytes.
     """
     kind, out = suffix.lower().lstrip("."), io.BytesIO()
-    with style():
+    with drawing.style():
         figure.savefig(out, format=kind, metadata=_PROPERTIES[kind])
     return out.getvalue()
 
@@ -116,83 +92,56 @@ def _band(axes: Axes, x: Any, value: Any, sigma: Any, color: str, least: float =
         axes.fill_between(x, low, high, color=color, alpha=0.22, linewidth=0, zorder=1)
 
 
-def _curves_of(
-    fit: FitData, m: Measurement, lines: list[Line], low: float, high: float, own: bool = True
-) -> list[Curve]:
-    """Return the fitted curve of each line from ``low`` to ``high``; ``own``: of its own data.
+def _curves_of(fit: FitData, m: Measurement, lines: list[Line]) -> tuple[np.ndarray, list[Curve]]:
+    """Return data - fit of every datum, (N,), and the fitted curve of each line.
 
-    At the data themselves where nothing is known in between (an index that is free at every
+    It ends at the data themselves where nothing is known in between (an index that is free at every
     wavelength), and where a curve in between is not that of these data: of a second file with a
     scale of its own.
     """
-    at_data = predict(fit, None if own else m)
-    spectrum, axis = over_wavelength(m), axis_of(m)
+    at_data = predict(fit, m)
+    residual = residuals(m, at_data.value)
+    spectrum, axis = over_wavelength(m), drawing.axis_of(m)
     at_rows = [(axis[li.rows], at_data.value[li.rows], at_data.sigma[li.rows]) for li in lines]
     if (spectrum and fit.shape) or not np.isfinite(at_data.value).any():
-        return at_rows
-    x = np.linspace(low, high, _WAVES if spectrum else _ANGLES)
+        return residual, at_rows
+    x = np.linspace(*drawing.span_of(m), _WAVES if spectrum else _ANGLES)
     # One question for all lines: fewer programs are compiled.
     asked = [np.concatenate([x, axis[line.rows]]) for line in lines]
     rows = np.repeat([line.rows[0] for line in lines], [len(one) for one in asked])
     over = {"wavelength_um" if spectrum else "angle_deg": np.concatenate(asked)}
     found = predict(fit, replace(m.where(rows), **over))
-    ends = np.cumsum([len(one) for one in asked])[:-1]
-    each = zip(
-        lines, at_rows, np.split(found.value, ends), np.split(found.sigma, ends), strict=True
-    )
-    out = []
-    for line, mine, value, sigma in each:
-        off = np.abs(value[len(x) :] - mine[1])
+    ends, n, out = np.cumsum([len(one) for one in asked])[:-1], len(x), []
+    values, sigmas = np.split(found.value, ends), np.split(found.sigma, ends)
+    for line, mine, value, sigma in zip(lines, at_rows, values, sigmas, strict=True):
+        off = np.abs(value[n:] - mine[1])
         off = np.minimum(off, 360.0 - off) if line.panel[0] == "delta" else off
         same = np.nanmax(off, initial=0.0) <= _SAME * max(1.0, np.nanmax(np.abs(mine[1])))
-        out.append((x, value[: len(x)], sigma[: len(x)]) if same else mine)
-    return out
+        out.append((x, value[:n], sigma[:n]) if same else mine)
+    return residual, out
 
 
 def _draw_line(
-    panels: tuple[Axes, Axes], m: Measurement, residual: np.ndarray, line: Line, curve: Curve
+    top: Axes, bottom: Axes, m: Measurement, residual: np.ndarray, line: Line, curve: Curve
 ) -> bool:
-    """Draw data, fitted curve and band on the first panel, data - fit on the second.
+    """Draw data, fitted curve and band on ``top``, data - fit (N,) on ``bottom``.
 
-    residual: (N,), of every datum. Returns whether there is a band.
+    Returns whether there is a band.
     """
-    x, measured, sigma = (column[line.rows] for column in (axis_of(m), m.value, m.sigma))
-    points(panels[0], x, measured, sigma, line.look, line.label)
-    points(panels[1], x, residual[line.rows], sigma, line.look, "")
+    x, measured, sigma = (a[line.rows] for a in (drawing.axis_of(m), m.value, m.sigma))
+    points(top, x, measured, sigma, line.look, line.label)
+    points(bottom, x, residual[line.rows], sigma, line.look, "")
     at, value, error = curve
     if np.isnan(value).all():
         return False
-    if (
-        line.panel[0] == "delta"
-    ):  # from 0 to 360 or -180 to 180, as measured; broken where it goes round
+    if line.panel[0] == "delta":
+        # from 0 to 360 or -180 to 180, as measured; broken where it goes round
         value = (value + 180.0) % 360.0 - 180.0 if (measured < 0.0).any() else value % 360.0
         value = np.where(np.abs(np.diff(value, prepend=value[:1])) > 180.0, np.nan, value)
     # What lies on another line, R_back on R for one, leaves it to be seen.
-    panels[0].plot(at, value, "--" if line.look[2] else "-", color=line.look[0], zorder=2)
-    _band(panels[0], at, value, error, line.look[0])
+    top.plot(at, value, "--" if line.look[2] else "-", color=line.look[0], zorder=2)
+    _band(top, at, value, error, line.look[0])
     return bool(np.isfinite(error).any())
-
-
-def _panels(
-    figure: Figure, panels: list[Panel], index: int
-) -> tuple[dict[Panel, tuple[Axes, Axes]], list[Axes]]:
-    """Return for each panel the axes of data and of residuals; and those of the index below them.
-
-    index: how many there are of the index, below each other in one column, else side by side.
-    """
-    places = places_of(panels)
-    rows, columns = (max(place) + 1 for place in zip(*places.values(), strict=True))
-    below = index if columns == 1 else min(index, 1)
-    heights = [3.0, 1.0] * rows + [2.0 if columns == 1 else 2.4] * below
-    width = 6.2 * columns if columns > 1 else 8.2 if index else 7.4
-    figure.set_size_inches(width, 2.2 + 1.0 * sum(heights) if index else 2.0 + sum(heights))
-    axes = figure.subplots(len(heights), columns, sharex=True, height_ratios=heights, squeeze=False)
-    pairs = {panel: (axes[2 * r, c], axes[2 * r + 1, c]) for panel, (r, c) in places.items()}
-    further = [axes[2 * rows + i, 0] if columns == 1 else axes[2 * rows, i] for i in range(index)]
-    used = {*(one for pair in pairs.values() for one in pair), *further}
-    for one in {*axes.flat} - used:
-        one.remove()
-    return pairs, further
 
 
 def _legend(axes: Axes, banded: bool, outside: bool, few: bool) -> None:
@@ -212,56 +161,74 @@ def _legend(axes: Axes, banded: bool, outside: bool, few: bool) -> None:
     axes.legend([*handles, fit], labels, handlelength=1.6, markerscale=scale, **place)
 
 
+def _legend_of_fits(figure: Figure, fits: Sequence[FitData]) -> None:
+    """Name several fits above the picture, each by its sample and how well it fits."""
+    from matplotlib.lines import Line2D
+
+    looks = [{"color": GREY}, *(_OTHERS[j % len(_OTHERS)] for j in range(len(fits) - 1))]
+    rms = (size_text(float(np.nanmedian(fit.rms)), 2) for fit in fits)
+    names = [f"{plain_title(str(f.sample))}, rms {x}" for f, x in zip(fits, rms, strict=True)]
+    figure.legend([Line2D([], [], **look) for look in looks], names, loc="outside upper left")
+
+
 def _fine(fit: FitData) -> np.ndarray:
     """Return the wavelengths at which a curve of the index is drawn."""
-    known = index_waves(fit)
+    known = summary.index_waves(fit)
     return np.linspace(known.min(), known.max(), _FINE)
+
+
+def _index_of(fit: FitData) -> tuple[np.ndarray, ...]:
+    """Return wavelengths, eta and k of a fit, of a formula between the measured ones, too."""
+    if fit.shape:
+        return tuple(map(np.asarray, (fit.wavelength_um, fit.eta, fit.k)))
+    band = fit.index(_fine(fit))
+    return band.wavelength_um, band.eta, band.k
 
 
 def _has_k(fit: FitData) -> bool:
     """Whether there is a k to be drawn: one above 0, or its upper limit."""
-    k, e = fit.k if fit.shape else fit.index(_fine(fit)).k, fit.parameters.get("k")
-    return bool((np.nan_to_num(k) > 0.0).any() or (e and np.isfinite(e.upper_limit).any()))
+    e = fit.parameters.get("k")
+    limited = e is not None and np.isfinite(e.upper_limit).any()
+    return bool(limited or (np.nan_to_num(_index_of(fit)[2]) > 0.0).any())
 
 
 def _draw_data(
     figure: Figure, fit: FitData, m: Measurement, with_index: bool, reference: str | None,
     others: Sequence[FitData],
 ) -> Axes:  # fmt: skip
-    several = has_several_curves(fit)
-    lines = lines_of(m, fit.curve, fit.curve_names if several else ())
-    spectrum = over_wavelength(m)
+    of_files: Any = (None, ())
+    if m is fit.measurement:
+        of_files = fit.curve, fit.curve_names if has_several_curves(fit) else ()
+    lines = drawing.lines_of(m, *of_files)
     with_k = with_index and (reference is not None or any(map(_has_k, (fit, *others))))
-    pairs, index = _panels(figure, panels_of(lines), int(with_index) + int(with_k))
-    low, high = span_of(m)
-    curves = _curves_of(fit, m, lines, low, high)
-    further = [_curves_of(other, m, lines, low, high, own=False) for other in others]
-    residual = residuals(m, fit.fitted)
-    for panel, (top, bottom) in pairs.items():
+    own, index = drawing.panel_axes(figure, lines, (3.0, 1.0), [2.2] * (with_index + with_k))
+    residual, curves = _curves_of(fit, m, lines)
+    further = [_curves_of(other, m, lines) for other in others]
+    for panel, (top, bottom) in own.items():
         of = [i for i, line in enumerate(lines) if line.panel == panel]
-        banded = [_draw_line((top, bottom), m, residual, lines[i], curves[i]) for i in of]
-        for j, other in enumerate(others):
+        banded = [_draw_line(top, bottom, m, residual, lines[i], curves[i]) for i in of]
+        for j, (off, others_curves) in enumerate(further):
+            look = _OTHERS[j % len(_OTHERS)]
             for i in of:
-                x, value, _ = further[j][i]
-                label = plain_title(str(other.sample)) if i == of[0] else ""
-                top.plot(x, value, _OTHERS[j % 3][0], color=_OTHERS[j % 3][1], label=label)
+                x, value, _ = others_curves[i]
+                top.plot(x, value, **look)
+                rows = lines[i].rows
+                bottom.plot(drawing.axis_of(m)[rows], off[rows], linewidth=1.2, **look)
         few = all(len(lines[i].rows) <= MANY for i in of)
-        _legend(top, any(banded), spectrum and len(pairs) == 1 and len(of) > 3, few)
-        finish_panel(top, panel[0], m.quantity)
+        outside = over_wavelength(m) and len(own) == 1 and len(of) > 3
+        _legend(top, any(banded), outside, few)
+        drawing.finish_panel(top, panel[0], m.quantity)
         bottom.axhline(0.0, color=GREY, linewidth=1.0, zorder=2)
         # Below 1e-4 there is nothing to see in a reflectance but rounding.
         far = max(1.05 * max(abs(limit) for limit in bottom.get_ylim()), 1e-4)
         bottom.set_ylim(-far, far)
         bottom.set_ylabel("data \u2212 fit" + r" ($\degree$)" * (panel[0] in ANGLES))
+    if others:
+        _legend_of_fits(figure, [fit, *others])
     if index:
         _draw_index(index, fit, reference, others)
-    # the lowest axes of each column
-    columns: dict[float, Axes] = {}
-    for axes in (*(bottom for _, bottom in pairs.values()), *index):
-        columns[axes.get_subplotspec().colspan.start] = axes  # pyright: ignore
-    for axes in columns.values():
-        finish_x(axes, m)
-    return next(iter(pairs.values()))[0]
+    drawing.finish_x([*(bottom for _, bottom in own.values()), *index], m)
+    return next(iter(own.values()))[0]
 
 
 def _each(axes: Axes, fit: FitData, name: str, color: str, x: np.ndarray, mark: str) -> np.ndarray:
@@ -326,17 +293,11 @@ def _draw_index(
     whose eta and k are drawn for comparison; None for none.
     """
     fine = _fine(fit)
-    lines: list[tuple[Any, str, dict[str, Any]]] = [
-        (
-            (fine, *other.index(fine)[1::2]) if not other.shape else
-            (other.wavelength_um, other.eta, other.k),
-            "", {"linestyle": _OTHERS[j % 3][0], "color": _OTHERS[j % 3][1]},
-        )
-        for j, other in enumerate(others)
-    ]  # fmt: skip
+    lines = [(_index_of(other), _OTHERS[j % len(_OTHERS)]) for j, other in enumerate(others)]
     if reference:
         look = {"color": GREY, "linewidth": 1.2, "linestyle": "--"}
-        lines.append((reference_index(reference, fine), f"{reference} (reference)", look))
+        look["label"] = f"{reference} (reference)"
+        lines.append((summary.reference_index(reference, fine), look))
     found = None if fit.shape else fit.index(fine)
     for i, (axes, name, color) in enumerate(
         zip(panels, ("eta", "k"), (ETA_COLOR, K_COLOR), strict=False)
@@ -349,20 +310,20 @@ def _draw_index(
             values = [value]
             axes.plot(fine, value, color=color)
             _band(axes, fine, value, getattr(found, f"sigma_{name}"), color, least)
-        for columns, label, look in lines:
-            axes.plot(columns[0], columns[1 + i], label=label, **look)
+        for columns, look in lines:
+            axes.plot(columns[0], columns[1 + i], **look)
             values.append(np.ravel(columns[1 + i]))
         if name == "k":
             _scale_of_k(axes, np.concatenate(values))
-        axes.set_ylabel(_symbol(shown_name(fit, name)))
+        axes.set_ylabel(_symbol(summary.shown_name(fit, name)))
         if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="best")
 
 
 def _draw_batch(figure: Figure, fit: FitData) -> Axes:
     """Draw the parameters of a batch over its curves, or as maps; return the first axes."""
-    names = [name for name in varied_of(fit) if fit.parameters[name].free][:_PARAMETERS]
-    labels = [with_unit(_symbol(name), fit.parameters[name].unit) for name in names]
+    names = [name for name in summary.varied_of(fit) if fit.parameters[name].free][:_PARAMETERS]
+    labels = [f"{_symbol(name)} {fit.parameters[name].unit}".rstrip() for name in names]
     if len(fit.shape) == 2:  # white where no fit converged
         axes = np.atleast_1d(figure.subplots(1, len(names)))
         good = np.isin(fit.status, DETERMINED)
@@ -389,28 +350,30 @@ def _subtitle(fit: FitData) -> str:
     """Return in one line what was found."""
     sample = plain_title(str(fit.sample or "your own residual function"))
     if fit.shape or fit.status != CONVERGED:
-        return f"{sample}, {status_of(fit)}"
+        return f"{sample}, {summary.status_of(fit)}"
     parts = [] if len(fit.names) <= 2 else [sample]
     for name in () if parts else fit.names:
-        text = value_text(fit.parameters[name], reach(fit)).replace("+-", r"$\pm$")
-        parts.append(f"{_symbol(shown_name(fit, name))} = {text}")
+        text = value_text(fit.parameters[name], summary.reach(fit)).replace("+-", r"$\pm$")
+        parts.append(f"{_symbol(summary.shown_name(fit, name))} = {text}")
     if np.isfinite(fit.chi2_reduced):
         parts.append(rf"$\chi^2$/dof = {number(fit.chi2_reduced, 3)}")
     return "     ".join([*parts, f"rms = {size_text(fit.rms, 2)}"])
 
 
-def _titles(figure: Figure, axes: Axes, fit: FitData, reference: str, warnings: bool) -> None:
+def _titles(
+    figure: Figure, axes: Axes, title: str, fit: FitData, reference: str, warnings: bool
+) -> None:
     """Write what was fitted and found above ``axes``, and the warnings below the figure.
 
     warnings: whether; not where they stand beside it. reference: text about a reference material,
     which stands below too; "" for none.
     """
-    axes.set_title(plain_title(title_of(fit)), fontweight="bold", pad=28)
+    axes.set_title(plain_title(title), fontweight="bold", pad=28)
     axes.annotate(
         _subtitle(fit), (0.0, 1.0), (0.0, 9.0), xycoords="axes fraction",
         textcoords="offset points", va="bottom", ha="left", color=DARK,
     ).set_in_layout(False)  # fmt: skip  # the padding of the title leaves room for it
-    texts = [visible(text).replace("$", r"\$") for _, text in warnings_of(fit) if warnings]
+    texts = [visible(text).replace("$", r"\$") for _, text in summary.warnings_of(fit) if warnings]
     if not (texts or reference):
         return
     shown = [
@@ -418,7 +381,7 @@ def _titles(figure: Figure, axes: Axes, fit: FitData, reference: str, warnings: 
         for text in texts[:_WARNINGS]
     ]
     if (more := len(texts) - _WARNINGS) > 0:
-        shown.append(f"and {counted(more, 'more warning')}: see the table")
+        shown.append(f"and {summary.counted(more, 'more warning')}: see the table")
     shown += [f"Reference {reference}"] * bool(reference)
     width = int(13.5 * figure.get_figwidth())
     text = "\n".join(textwrap.fill(one, width) for one in shown)
@@ -428,7 +391,7 @@ def _titles(figure: Figure, axes: Axes, fit: FitData, reference: str, warnings: 
 
 def draw(
     fit: FitData, reference: str | None = None, others: Sequence[FitData] = (),
-    warnings: bool = True,
+    warnings: bool = True, measurement: Measurement | None = None,
 ) -> Figure:  # fmt: skip
     """Return a matplotlib Figure of a fit.
 
@@ -439,30 +402,38 @@ def draw(
     the axis where the data do not determine them. Of a batch without data the fitted parameters are
     drawn. The warnings stand below.
 
-    reference: a named material, whose eta and k are drawn for comparison; at one wavelength they
-    stand below, as numbers. others: further fits, whose curves, eta and k are drawn for comparison.
-    warnings: whether they are written below.
+    reference, others, measurement: see `Fit.plot`; at one wavelength the reference stands below, as
+    numbers. warnings: whether they are written below.
     Raises ImportError where matplotlib is not installed, ValueError for an unknown material or
     where there is nothing to draw.
     """
-    check_matplotlib("plot")
+    drawing.check_matplotlib("plot")
     from matplotlib.figure import Figure
 
-    m = fit.measurement
+    m = fit.measurement if measurement is None else measurement
+    if fit.shape and fit.measurement is None and measurement is not None:
+        raise ValueError(
+            "a measurement came, and this fit is a batch. Pick the fit of its curve: "
+            "fit[3].plot(measurement=m)."
+        )
     if m is None and not fit.shape:
         raise ValueError(
-            "there is nothing to draw: this fit is of one curve and keeps no data. To keep them, "
-            "fit a Measurement with fit(...)."
+            "there is nothing to draw: this fit is of one curve and keeps no data. Give those of "
+            "the curve: fit.plot(measurement=Measurement.from_columns(angles_deg, wavelength_um, "
+            "R_s=R_s[3]))."
+            if fit.sample is not None
+            else "there is nothing to draw: this fit is of your own residuals. Draw your model."
         )
-    with_index = m is not None and over_wavelength(m) and len(index_waves(fit)) > 0
+    with_index = m is not None and over_wavelength(m) and len(summary.index_waves(fit)) > 0
     with_index = with_index and (not fit.shape or {"eta", "k"} <= set(fit.parameters))
-    below = reference_text(reference, fit.wavelength_um) if reference else ""
-    with style():
+    below = summary.reference_text(reference, fit.wavelength_um) if reference else ""
+    title = summary.title_of(fit) if m is None else visible(m.source)
+    with drawing.style():
         figure = Figure(figsize=(8.2, 6.4), layout="constrained", facecolor="white")
         if m is None:
             first = _draw_batch(figure, fit)
         else:
             first = _draw_data(figure, fit, m, with_index, reference, others)
-        _titles(figure, first, fit, "" if with_index else below, warnings)
+        _titles(figure, first, title, fit, "" if with_index else below, warnings)
         figure.align_ylabels()
         return figure

@@ -14,22 +14,14 @@ from typing import Any
 import numpy as np
 
 from fitting.outcomes.findings import is_outer
-from fitting.output.numbers import (
-    beside,
-    interval_of,
-    interval_text,
-    k_text,
-    number,
-    size_text,
-    value_text,
-    with_error,
-)
+from fitting.output import numbers
+from fitting.output.numbers import number, size_text, value_text
 from fitting.process.visible import visible
 from fitting.residuals.error_model import OF_EACH
 from fitting.results.diagnostics import Finding
 from fitting.results.result import FitData
-from fitting.results.result_parts import UNDETERMINED, Alternative, Comparison, Estimate
-from fitting.results.sentences import no_solid
+from fitting.results.result_parts import UNDETERMINED, Alternative, Estimate
+from fitting.results.sentences import rise_of_chi2
 from fitting.uncertainty.limits import student_quantile
 
 Facts = list[tuple[str, str]]
@@ -71,13 +63,10 @@ def index_waves(fit: FitData) -> np.ndarray:
     return waves[np.isfinite(waves)]
 
 
-def _has_pseudo_index(fit: FitData) -> bool:
-    return any(note.code == "pseudo_index" for note in fit.notes)
-
-
 def shown_name(fit: FitData, name: str) -> str:
     """Return the name under which a parameter is shown: those of a pseudo-index are <n> and <k>."""
-    return {"eta": "<n>", "k": "<k>"}.get(name, name) if _has_pseudo_index(fit) else name
+    pseudo = any(note.code == "pseudo_index" for note in fit.notes)
+    return {"eta": "<n>", "k": "<k>"}.get(name, name) if pseudo else name
 
 
 def varied_of(fit: FitData) -> list[str]:
@@ -125,7 +114,8 @@ def sample_text(fit: FitData) -> str:
     else:
         what = f"{film} and " * bool(films) + f"{plate} whose reflections do not interfere"
     if sample.by_wavelength:
-        names = "the pseudo-index <n>, <k>" if _has_pseudo_index(fit) else "eta and k"
+        pseudo = shown_name(fit, "eta") != "eta"
+        names = "the pseudo-index <n>, <k>" if pseudo else "eta and k"
         what += f", {names} free{' at every wavelength' * by_wavelength(fit)}"
     known = math.isfinite(sample.eta_i)
     light = f"a medium of index {sample.eta_i:.10g}" if known else sample.media[0].text
@@ -201,7 +191,10 @@ def _correlation(fit: FitData) -> str:
 
 def _of_second(e: Estimate, student: float) -> str:
     """Return a value with its standard error, or with its interval where that says otherwise."""
-    text, ends = value_text(e, student), interval_text(*np.asarray(e.interval, float).tolist())
+    text, ends = (
+        value_text(e, student),
+        numbers.interval_text(*np.asarray(e.interval, float).tolist()),
+    )
     unclear = ends and "+-" not in text and not math.isfinite(e.upper_limit)
     return f"{text} ({ends})" if unclear else text
 
@@ -210,10 +203,7 @@ def _alternative(fit: FitData, other: Alternative) -> str:
     """Return a second solution: its values with their errors, and how much worse it fits."""
     student, each = reach(fit), other.parameters.items()
     values = ", ".join(f"{shown_name(fit, name)} {_of_second(e, student)}" for name, e in each)
-    higher = "higher" if other.delta_chi2 >= 0.0 else "lower"
-    doubt = no_solid({name: float(e.value) for name, e in each})
-    doubt = f"; {doubt}" * bool(doubt)
-    return f"{values} (chi2 {higher} by {abs(other.delta_chi2):.2g}{doubt})"
+    return f"{values} {rise_of_chi2({n: float(e.value) for n, e in each}, other.delta_chi2)}"
 
 
 def index_rows(fit: FitData) -> list[list[str]]:
@@ -225,7 +215,7 @@ def index_rows(fit: FitData) -> list[list[str]]:
         for name, e in fit.parameters.items()
     )
     return [
-        [f"{w:.6g}", with_error(n, s), k_text(k, t, limited)]
+        [f"{w:.6g}", numbers.with_error(n, s), numbers.k_text(k, t, limited)]
         for w, n, s, k, t in zip(*(a.tolist() for a in fit.index()), strict=True)
     ]
 
@@ -271,7 +261,7 @@ def _of_one(fit: FitData) -> Facts:
 def _of_many(fit: FitData) -> Facts:
     """Return what all fits of a batch have in common."""
     rows = [
-        (name, f"{value_text(e)}  ({beside(e)})")
+        (name, f"{value_text(e)}  ({numbers.beside(e)})")
         for name, e in fit.parameters.items()
         if np.shape(e.value) != fit.shape
     ]
@@ -343,7 +333,7 @@ def warnings_of(fit: FitData) -> Facts:
 def parameter_rows(fit: FitData) -> list[list[str]]:
     """Return a header, and for every parameter its name, its value and the remarks beside it."""
     rows = [
-        [shown_name(fit, name), value_text(e, reach(fit)), beside(e)]
+        [shown_name(fit, name), value_text(e, reach(fit)), numbers.beside(e)]
         for name, e in fit.parameters.items()
     ]
     # `choose` compares a sample without parameters with others
@@ -369,7 +359,7 @@ def batch_rows(fit: FitData, intervals: bool = False) -> list[list[str]]:
         # A value is put in brackets if it is one of many that fit equally well.
         form = "({})" if status == UNDETERMINED else "{}"
         cells = [_place(fit, at), *(form.format(value_text(e)) for e in each)]
-        cells += [interval_of(e) for e in each if intervals]
+        cells += [numbers.interval_of(e) for e in each if intervals]
         cells += [number(float(chi2[at]), 3)] * stated
         cells += [size_text(float(rms[at])), status]
         marks = " ".join(str(i) for i, mask in enumerate(masks, 1) if mask[at])
@@ -397,9 +387,7 @@ def _wrapped(facts: Iterable[tuple[str, str]], width: int) -> list[str]:
     ]  # fmt: skip
 
 
-def table(
-    fit: FitData, width: int = 80, reference: str = "", choice: Comparison | None = None
-) -> str:
+def table(fit: FitData, width: int = 80, reference: str = "", choice: Any = None) -> str:
     """Return the fit as lines of at most ``width`` characters (rows of a batch may be longer).
 
     They say what was read and fitted; list every parameter with its standard error and 95 %

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.results.result_parts import item
-from fitting.results.sentences import SENTENCES, Formatter, Tries, keywords
+from fitting.results.sentences import SENTENCES, Tries, keywords
 
 _RANK = {code: i for i, code in enumerate(SENTENCES)}
 
@@ -33,9 +33,7 @@ class Warning(NamedTuple):
     def sentence(self) -> str:
         """What is wrong."""
         text = SENTENCES[self.code][0]
-        if isinstance(text, str):
-            return Formatter().vformat(text, (), self.values)
-        return text(self.values)
+        return text.format_map(self.values) if isinstance(text, str) else text(self.values)
 
     @property
     def tries(self) -> Tries:

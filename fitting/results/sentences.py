@@ -1,14 +1,13 @@
 """All warnings and notes: one table from a code to its sentence and to what to try.
 
 The most serious come first, notes and the reasons of `choose` last. A sentence is a text in which
-the values of a warning (`diagnostics.Warning.values`) are put by their names (`{names!l}`: as a
-list) or, where it depends on them, a function of the values. So is what to try: pairs of a question
-or a reason ("" for none) and options of the command, with which the fit can be run again.
+the values of a warning (`diagnostics.Warning.values`) are put by their names or, where it depends
+on them, a function of the values. So is what to try: pairs of a question or a reason ("" for none)
+and options of the command, with which the fit can be run again.
 """
 
 from __future__ import annotations
 
-import string
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
@@ -39,13 +38,6 @@ def _first(each: Iterable[str]) -> str:
 def _of_rows(text: str, v: Values, *names: str) -> Iterator[str]:
     """Yield the text for each row of values: its first number is that of the first name."""
     return (text.format(*row) for row in zip(*(v[name] for name in names), strict=True))
-
-
-class Formatter(string.Formatter):
-    """Formats `{names!l}` as a list."""
-
-    def convert_field(self, value: Any, conversion: Any) -> Any:
-        return listed(value) if conversion == "l" else super().convert_field(value, conversion)
 
 
 _MEMBER = (
@@ -214,10 +206,9 @@ def _percent(share: float) -> str:
 def _no_freedom(v: Values) -> str:
     known = "taken from the stated errors, untested" if v["stated"] else "unknown"
     unknowns = {1: "one unknown", 2: "two unknowns"}.get(v["unknowns"], f"{v['unknowns']} unknowns")
-    data = "one datum leaves" if v["n_data"] == 1 else f"{v['n_data']} data leave"
-    subject, verb = data.rsplit(" ", 1)
+    data, leave = ("one datum", "leaves") if v["n_data"] == 1 else (f"{v['n_data']} data", "leave")
     return (
-        f"{subject} for {unknowns} {verb} no degree of freedom to test the fit; its errors are "
+        f"{data} for {unknowns} {leave} no degree of freedom to test the fit; its errors are "
         f"{known}."
     )
 
@@ -352,10 +343,10 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
         "measure with less noise." % (" (what is shown)" * v["shown"])).format_map(v),
         lambda v: (("", f"--bound {v['parameter']}=..{1.5 * v['without']:.3g}"),)),
     "thin_film": (
-        "the data determine little more than one product of {thickness} ({value:.4g} nm) and "
-        "{parameters!l}, since the film is much thinner than the wavelength. The thickness alone "
-        "is known to {share:.0%}; if the index were known, it would be known to {held_share:.1%}. "
-        "Fix one of them, or give it a prior.",
+        lambda v: f"the data determine little more than one product of {v['thickness']} "
+        f"({v['value']:.4g} nm) and {listed(v['parameters'])}, since the film is much thinner than "
+        f"the wavelength. The thickness alone is known to {v['share']:.0%}; if the index were "
+        f"known, it would be known to {v['held_share']:.1%}. Fix one of them, or give it a prior.",
         lambda v: (("If the thickness is known:", f"--fix {v['thickness']}={v['value']:.4g}"),)),
     "by_the_model_alone": (
         "eta and k are not determined by the data alone: those of no wavelength determine both. "
@@ -407,8 +398,8 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
         "the standard errors of eta and k and the intervals made of them mislead, since the curve "
         "is not linear in eta and k over their range.", (("", "--intervals auto"),)),
     "open_interval": (
-        "the 95 % interval of {parameters!l} is unlimited on one side or both: the data exclude no "
-        "value there, however far.", ()),
+        lambda v: f"the 95 % interval of {listed(v['parameters'])} is unlimited on one side or "
+        "both: the data exclude no value there, however far.", ()),
     "poorly_determined": (
         lambda v: "poorly determined: the standard error is a large part of the value of "
         + listed(f"{name} ({_percent(share)})" for name, share in zip(
@@ -442,9 +433,9 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
             "parameters", "added", "factor")) + ".",
         (("With a common factor:", "--errors scaled"),)),
     "errors_cover": (
-        "the stated errors are too small, and error models (scaled, floor, relative, equal) differ "
-        "by more than their errors: the intervals of {parameters!l} cover those of all of them.",
-        ()),
+        lambda v: "the stated errors are too small, and error models (scaled, floor, relative, "
+        f"equal) differ by more than their errors: the intervals of {listed(v['parameters'])} "
+        "cover those of all of them.", ()),
     "errors_of_each": (
         lambda v: "no errors are stated, and the scatter differs between the quantities, so that "
         "each is weighted by its own (from neighbouring residuals): "

@@ -118,6 +118,8 @@ def test_mean_squared_error() -> None:
         mse = 1e3 * np.sqrt(squares / (3 * 4 - 2))
         assert found.mse == pytest.approx(mse, rel=1e-9) and found.to_dict()["mse"] == found.mse
         assert f"MSE          {mse:.3g}" in str(found)
+    each = {q: np.stack([v, v]) for q, v in angles.items()}
+    assert fit_many(ANGLES, **each).mse == pytest.approx([found.mse] * 2, rel=1e-6)
     assert "MSE" not in str(fit(Measurement.from_columns(ANGLES, None, **surface("R_s", "R_p"))))
 
 

@@ -33,6 +33,7 @@ def test_the_page_of_a_model(choice):
     fit = choice.fit
     assert f"{fit.values['eta']:.3f}"[:5] in seen.text
     assert f"{fit.correlation[0, 1]:+.3f}" in seen.text
+    assert "Models compared" in Page(choice._repr_html_()).text
 
 
 def test_without_a_choice_there_is_no_comparison(choice):

@@ -185,6 +185,8 @@ def test_one_measurement_given_twice_is_refused(tmp_path, capsys):
     (tmp_path / "a.csv").write_text(SPECTRUM)
     os.link(tmp_path / "a.csv", tmp_path / "b.csv")
     assert "count twice" in refused(capsys, tmp_path / "a.csv", tmp_path / "b.csv")
+    with pytest.raises(OutputError, match="count twice"):
+        refuse_repeats([str(tmp_path / "a.csv")] * 2)
     refuse_repeats(["-", str(tmp_path / "a.csv"), str(tmp_path / "none.csv")])
 
 

@@ -283,6 +283,14 @@ def test_a_batch_without_data_is_drawn_over_its_curves_or_as_a_map(tmp_path):
     row = fit_many(angles, R_s=of["R_s"] + noise[0, 0], R_p=of["R_p"] + noise[1, 0])
     first = row.plot().axes[0]
     assert first.containers[0][0].get_ydata().tolist() == row.eta.tolist()
+    m = Measurement.from_columns(angles, **{q: of[q] + noise[i, 0, 2] for i, q in enumerate(of)})
+    bottom = row[2].plot(measurement=m).axes[1]
+    drawn = np.concatenate([c[0].get_ydata() for c in bottom.containers])
+    np.testing.assert_allclose(drawn, m.value - row[2].predict(m).value)
+    with pytest.raises(ValueError, match=r"keeps no data. Give those of the curve: fit.plot\(meas"):
+        row[2].plot()
+    with pytest.raises(ValueError, match=r"Pick the fit of its curve: fit\[3\].plot"):
+        row.plot(measurement=m)
 
 
 def nine_angles(quantities=("psi", "delta")):
@@ -301,7 +309,10 @@ def test_a_measurement_is_drawn_with_at_most_three_angles_a_panel(quantities, sh
     values = np.concatenate([c[0].get_ydata() for axes in figure.axes for c in axes.containers])
     np.testing.assert_array_equal(np.sort(values), np.sort(m.value))
     shown = [axes.get_xlabel() for axes in figure.axes]
-    assert shown.count("wavelength (\u00b5m)") == shape[1]  # on the lowest of each column
+    assert shown.count("wavelength (nm)") == shape[1]  # on the lowest of each column
+    figure.draw_without_rendering()
+    labels = [text.get_text() for text in figure.axes[-1].get_xticklabels()]
+    assert {"500", "600", "700"} <= set(labels)
 
 
 def test_a_measurement_is_a_table_in_a_notebook_and_a_dataframe():
@@ -319,9 +330,14 @@ def test_the_curves_of_further_fits_are_drawn_and_no_panel_of_a_k_that_is_0():
     R = simulate("cauchy:2", {"A": 1.5, "B": 0.01}, angle, wave, "R_s")
     m = Measurement.from_columns(angle, wave, R_s=R)
     one, two = (fit(m, sample, intervals="quadratic") for sample in ("cauchy:2", "constant"))
-    top, _, eta = one.plot(others=two).axes[:3]
+    figure = one.plot(others=two)
+    top, bottom, eta = figure.axes[:3]
     assert len(one.plot().axes) == 3  # data, residuals, eta
-    assert "constant" in [text.get_text() for text in top.get_legend().get_texts()]
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names == ["cauchy:2, rms 0", f"constant, rms {two.rms:#.2g}"]
     curves = [line for line in top.lines if line.get_linestyle() == "--"]
     assert len(curves) == 2  # one an angle
+    residuals = [line for line in bottom.lines if line.get_linestyle() == "--"]
+    off = np.concatenate([line.get_ydata() for line in residuals])
+    np.testing.assert_allclose(np.sort(off), np.sort(two.residuals))
     np.testing.assert_allclose(eta.lines[-1].get_ydata(), two.parameters["eta"].value)
