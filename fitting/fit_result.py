@@ -74,14 +74,25 @@ class Fit(FitData):
     ) -> Any:  # fmt: skip
         """Return a matplotlib Figure of data, fit and residuals.
 
-        Wavelengths are in nm, from 10 um on in um; the coordinates of the axis are micrometres.
+        It shows data with one-sigma error bars, fitted curves with their one-sigma bands, and below
+        them data - fit: powers, psi and Delta each in panels of their own, over the angle, or over
+        the wavelength if there are several (of up to 12 angles three together). Then follow eta
+        and, where it is not 0 everywhere, k, with 95 % upper limits, and a tick on the axis where
+        the data do not determine them. Of a batch without data the fitted parameters are drawn. The
+        warnings stand below. Wavelengths are labelled in nm, from 10 um on in um; the coordinates
+        of the axis are micrometres.
 
         Args:
-            reference: a named material, whose eta and k are drawn for comparison.
+            reference: a named material, whose eta and k are drawn for comparison; at one wavelength
+                they stand below, as numbers.
             others: further fits, of these data or of the same quantities, whose curves, residuals,
                 eta and k are drawn, too.
             measurement: the data of one curve of `fit_many`, which keeps none; or others at which
                 the fit is looked at.
+
+        Raises:
+            ImportError: where matplotlib is not installed.
+            ValueError: for an unknown material, or where there is nothing to draw.
         """
         others = (others,) if isinstance(others, FitData) else others
         return pictures.draw(self, reference, others, measurement=measurement)
@@ -111,9 +122,19 @@ class Fit(FitData):
         return tuple(file.path for file in files.write_checked(self, wanted, overwrite))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data for ``json.dumps``: NaN as None, arrays as lists, warnings as data."""
+        """Return plain data for ``json.dumps``: NaN and infinity as None, arrays as lists.
+
+        The names are those of the fields of `Fit` and `Estimate`; a warning has its code, where it
+        holds, its values and its sentence. Of a batch warnings and alternatives are a list for each
+        fit, in the order of the batch.
+        """
         return export.to_dict(self)
 
     def to_dataframe(self) -> Any:
-        """Return a pandas DataFrame: a row for each fit of the batch, else for each parameter."""
+        """Return a pandas DataFrame: a row for each fit of a batch, else for each parameter.
+
+        A batch has the wavelength (or the place in the batch) as index. A single fit has the fields
+        of `Estimate`, with the interval as ``low`` and ``high`` and the name of the parameter as
+        index. Raises ImportError where pandas is not installed.
+        """
         return export.to_dataframe(self)

@@ -79,12 +79,7 @@ def json_object(fields: Mapping[str, Any]) -> str:
 
 
 def to_dict(fit: FitData) -> dict[str, Any]:
-    """Return plain data for ``json.dumps``: NaN and infinity as None, arrays as lists.
-
-    The names are those of the fields of `Fit` and `Estimate`; a warning has its code, where it
-    holds, its values and its sentence. Of a batch warnings and alternatives are a list for each
-    fit, in the order of the batch.
-    """
+    """Return a fit as plain data; see `Fit.to_dict`."""
     fields: dict[str, Any] = {"written_by": "fresnel-fit", "version": fitting.__version__}
     if fit.measurement is not None:
         fields["source"] = fit.measurement.source
@@ -224,12 +219,7 @@ def index_csv(fit: FitData, decimal: str = ".") -> str:
 
 
 def to_dataframe(fit: FitData) -> Any:
-    """Return a pandas DataFrame: a row for each fit of a batch, else for each parameter.
-
-    A batch has the columns of `batch_columns`, with the wavelength (or the place in the batch) as
-    index. A single fit has the fields of `Estimate`, with the interval as ``low`` and ``high`` and
-    the name of the parameter as index. Raises ImportError where pandas is not installed.
-    """
+    """Return a fit as a pandas DataFrame; see `Fit.to_dataframe`."""
     if importlib.util.find_spec("pandas") is None:
         raise MissingExtra("to_dataframe", "pandas", "dataframe")
     pandas: Any = importlib.import_module("pandas")

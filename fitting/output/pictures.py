@@ -393,20 +393,7 @@ def draw(
     fit: FitData, reference: str | None = None, others: Sequence[FitData] = (),
     warnings: bool = True, measurement: Measurement | None = None,
 ) -> Figure:  # fmt: skip
-    """Return a matplotlib Figure of a fit.
-
-    It shows data with one-sigma error bars, fitted curves with their one-sigma bands, and below
-    them data - fit: powers, psi and Delta each in panels of their own, over the angle, or over the
-    wavelength if there are several (of up to 12 angles three together). Then follow eta and, where
-    it is not 0 everywhere, k, with 95 % upper limits, and a tick on
-    the axis where the data do not determine them. Of a batch without data the fitted parameters are
-    drawn. The warnings stand below.
-
-    reference, others, measurement: see `Fit.plot`; at one wavelength the reference stands below, as
-    numbers. warnings: whether they are written below.
-    Raises ImportError where matplotlib is not installed, ValueError for an unknown material or
-    where there is nothing to draw.
-    """
+    """Return a matplotlib Figure of a fit; see `Fit.plot`. warnings: whether they stand below."""
     drawing.check_matplotlib("plot")
     from matplotlib.figure import Figure
 
