@@ -48,11 +48,9 @@ class Fit(FitData):
     @property
     def residuals(self) -> np.ndarray:
         """value - fitted of every datum, (N,); for Delta in -180 to 180."""
-        if self.measurement is None:
-            raise ValueError(
-                "this fit keeps no data (fit_many). To keep them, fit a Measurement with fit(...)."
-            )
-        return residuals(self.measurement, self.predict().value)
+        fitted = self.predict().value
+        assert self.measurement is not None  # else there is no prediction for it
+        return residuals(self.measurement, fitted)
 
     def __repr__(self) -> str:
         return summary.one_line(self)

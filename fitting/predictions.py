@@ -32,7 +32,8 @@ def predict(
         )
     if at is None and fit.measurement is None:
         raise ValueError(
-            "this fit keeps no data (fit_many); give angles of incidence: predict([30, 60])."
+            "this fit keeps no data (fit_many): there are no residuals and no table of them. Give "
+            "angles of incidence, predict([30, 60]), or fit a Measurement, which is kept (fit)."
         )
     # Given the fitted data, the evaluator knows the file of each row, which the rows do not name.
     if at is None or at is fit.measurement:

@@ -132,13 +132,8 @@ def _comments(fit: FitData) -> list[str]:
 
 def data_columns(fit: FitData) -> dict[str, list[Any]]:
     """Return the columns of `data_csv` by their heads; ValueError for a fit that keeps no data."""
-    m = fit.measurement
-    if m is None:
-        raise ValueError(
-            "this fit keeps no data, so that there is no table of them. To keep them, fit a "
-            "Measurement with fit(...)."
-        )
-    found = predict(fit)
+    m, found = fit.measurement, predict(fit)
+    assert m is not None  # else there is no prediction for it
     columns: dict[str, Any] = {}
     if has_several_curves(fit) and fit.curve is not None:
         columns["curve"] = np.array([visible(name) for name in fit.curve_names])[fit.curve]
