@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from fitting import Measurement, fit, simulate
-from fitting import thickness_profile as profile
-from fitting.free_films import check_free_film
+from fitting.free_films import _error, _others, _Profile, check_free_film
 from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
 from tests.truth.random_free_films import simulated
@@ -17,9 +16,9 @@ def test_the_error_of_a_thickness_is_that_of_its_own_valley():
     """A second valley, at 180 nm and 2 of chi2 higher, had made a standard error of 36 nm of 1."""
     thickness = np.linspace(100.0, 200.0, 201)
     cost = np.minimum((thickness - 130.0) ** 2, (thickness - 180.0) ** 2 + 2.0)
-    p = profile._Profile(thickness, cost, 1.0, 0, np.zeros((2, 1)))
-    assert profile._error(p) == pytest.approx(1.0)
-    assert profile._others(p) == ((180.0, 2.0),)
+    p = _Profile(thickness, cost, 1.0, 0, np.zeros((2, 201, 1)))
+    assert _error(p) == pytest.approx(1.0)
+    assert _others(p) == ((180.0, 2.0),)
 
 
 def transparent(seed):
