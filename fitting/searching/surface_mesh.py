@@ -10,7 +10,7 @@ segments that miss less than their neighbours.
 
 from __future__ import annotations
 
-import functools
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,72 +53,59 @@ def _plane(rows: int, columns: int, lowest: float) -> np.ndarray:
     return np.exp(log) * (cosine + 1j * np.sqrt(1.0 - cosine**2))
 
 
-class _Mesh(NamedTuple):
-    """blocks: nodes (rows, columns), segments lie along rows. most: starts of a curve. share: of
-    the sum of squares of the data, above which a further start is hopeless."""
+def _mesh(plane: np.ndarray, totally: int, *lossless: tuple) -> list[np.ndarray]:
+    """Return a mesh of the plane, of so many n < 1, and of k = 0 where few data leave it open.
 
-    blocks: tuple[np.ndarray, ...]
-    most: int
-    share: float
-
-
-def _mesh(plane: np.ndarray, totally: int, most: int, share: float, *lossless: tuple) -> _Mesh:
-    """Return a mesh of the plane, of so many n < 1, and of k = 0 where few data leave it open."""
+    Nodes (rows, columns) each; segments lie along rows.
+    """
     # By critical angle: in total reflection 1 - R is proportional to k, a small one like no other.
     n = np.sin(np.radians(np.linspace(88.0, 6.0, totally)))
     edges = [1.0 + np.geomspace(*ends)[:, None] + 0j for ends in lossless]
-    return _Mesh((plane, n * (1.0 + 1j * np.array([[0.0], [2e-3], [2e-2]])), *edges), most, share)
+    return [plane, n * (1.0 + 1j * np.array([[0.0], [2e-3], [2e-2]])), *edges]
 
 
 # For the ordinary curve; for few angles, or angles near the normal only; and for R_p alone, which
 # has indices below and above the one whose Brewster angle was measured, lossless and absorbing
-# ones, and in total reflection one wherever a critical angle falls between two data.
+# ones, and in total reflection one wherever a critical angle falls between two data. Beside each
+# mesh the most starts of a curve, and the part of the sum of squares of the data above which a
+# further start is hopeless.
 _ABOVE, _BELOW = (0.02, 110.0), (-0.03, -0.93)
 MESHES = {
-    "coarse": _mesh(_plane(12, 8, 0.02), 48, 3, 0.005),
-    "fine": _mesh(_plane(16, 24, 0.002), 48, 8, 0.1, (*_ABOVE, 48)),
-    "open": _mesh(_plane(32, 80, 0.002), 96, 16, 1.0, (*_ABOVE, 160), (*_BELOW, 32)),
+    "coarse": (_mesh(_plane(12, 8, 0.02), 48), 3, 0.005),
+    "fine": (_mesh(_plane(16, 24, 0.002), 48, (*_ABOVE, 48)), 8, 0.1),
+    "open": (_mesh(_plane(32, 80, 0.002), 96, (*_ABOVE, 160), (*_BELOW, 32)), 16, 1.0),
 }
 
 
 class _Sums(NamedTuple):
-    """Of N curves over G angles, (G, N): sums of w^2 s v and w^2 p v, and of w^2 s s, s p and p p,
-    (G, 1) where all curves have the same; a datum is v = s R_s + p R_p with an error 1 / w.
-    square: the sum of w^2 v v, (1, N)."""
+    """Of N curves over G angles, of data v = s R_s + p R_p with errors 1 / w: sums of w^2 v times
+    s and p, (2, G, N), of w^2 times s s, 2 s p and p p, (3, G, N), and of w^2 v v, (1, N)."""
 
-    s: np.ndarray
-    p: np.ndarray
-    ss: np.ndarray
-    sp: np.ndarray
-    pp: np.ndarray
+    linear: np.ndarray
+    quadratic: np.ndarray
     square: np.ndarray
-
-    def at(self, lanes: np.ndarray) -> _Sums:
-        """Return those of some curves."""
-        return _Sums(*(a[:, lanes] if a.shape[1] > 1 else a for a in self))
 
 
 def _sums(curves: Curves, pick: np.ndarray, grid: np.ndarray) -> _Sums:
     """Return the sums of the curves ``pick`` over angles ``grid``: those of rows, or `_GRID`."""
     targets, each = curves.targets(pick), np.arange(len(pick))
     square, totals = np.zeros((1, len(pick))), np.zeros((5, len(grid), len(pick)))
+    place = targets.points.angle_deg * (len(grid) - 1) / 90.0
+    below = np.minimum(place.astype(int), len(grid) - 2)
     for q, v, w in zip(curves.seen.channels, targets.values, targets.weights, strict=True):
-        w = w * w
-        wv, s = w * v, float(q == "R_s") if q in ("R_s", "R_p") else targets.points.s_share
-        p = 1.0 - s
+        s = float(q == "R_s") if q in ("R_s", "R_p") else targets.points.s_share
+        p, w, wv = 1.0 - s, w * w, w * w * v
         square += (wv * v).sum(0)
-        for total, factor, of in zip(
-            totals, (s, p, s * s, s * p, p * p), (wv, wv, w, w, w), strict=True
-        ):
-            if np.any(factor) and grid is not _GRID:
-                total += of * factor
-            elif np.any(factor):
-                place = targets.points.angle_deg * (len(grid) - 1) / 90.0
-                below = np.minimum(place.astype(int), len(grid) - 2)
-                np.add.at(total, (below, each), of * factor * (1.0 - place + below))
-                np.add.at(total, (below + 1, each), of * factor * (place - below))
-    ss, sp, pp = (t[:, :1] if (t == t[:, :1]).all() else t for t in totals[2:])
-    return _Sums(totals[0], totals[1], ss, sp, pp, square)
+        several = wv * s, wv * p, w * s * s, 2.0 * w * s * p, w * p * p
+        for total, of in zip(totals, several, strict=True):
+            if grid is not _GRID:
+                total += of
+            else:
+                np.add.at(total, (below, each), of * (1.0 - place + below))
+                np.add.at(total, (below + 1, each), of * (place - below))
+    quadratic = totals[2:]
+    alike = (quadratic == quadratic[:, :, :1]).all()
+    return _Sums(totals[:2], quadratic[:, :, :1] if alike else quadratic, square)
 
 
 def _reflectances(index: np.ndarray, angle_deg: np.ndarray) -> np.ndarray:
@@ -138,16 +125,16 @@ def _along_segments(nodes: np.ndarray, sums: _Sums) -> tuple[np.ndarray, np.ndar
     def as_lanes(a: np.ndarray) -> np.ndarray:
         return a.reshape(len(a), -1, min(a.shape[1], _LANES)).swapaxes(0, 1)
 
-    def over_data(*parts: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    def over_data(curves: Sequence[np.ndarray], weights: np.ndarray) -> np.ndarray:
         # Small products: of large ones each has BLAS wait for its threads, ten times as long.
-        some = [part for part in parts if part[1].any()] or parts[:1]
-        total: Any = sum(np.matmul(a.reshape(-1, len(w)), as_lanes(w)) for a, w in some)
+        total: Any = sum(np.matmul(a.reshape(-1, len(w)), as_lanes(w))
+                         for a, w in zip(curves, weights, strict=True) if w.any())  # fmt: skip
         return total.reshape(len(total), -1, nodes.shape[2], total.shape[-1])
 
     def squares(s: np.ndarray, p: np.ndarray) -> np.ndarray:
-        return over_data((s * s, sums.ss), (2.0 * s * p, sums.sp), (p * p, sums.pp))
+        return over_data((s * s, s * p, p * p), sums.quadratic)
 
-    linear = over_data(*zip(nodes, sums[:2], strict=True))
+    linear = over_data([*nodes], sums.linear)
     plain, length = squares(*nodes), squares(*np.diff(nodes, axis=1))
     slope = np.diff(linear, axis=1) - 0.5 * (np.diff(plain, axis=1) - length)
     t = np.minimum(np.maximum(slope / np.where(length > 0.0, length, 1.0), 0.0), 1.0)
@@ -167,79 +154,75 @@ def _among_neighbours(misfit: np.ndarray) -> np.ndarray:
 
 def _kinds(sums: _Sums, angle_deg: np.ndarray, denser: np.ndarray) -> np.ndarray:
     """Return the mesh that each curve needs, (N,): by what its angles leave open."""
-    some, angle = sums.ss + sums.pp > 0.0, angle_deg[:, None]
+    by_s, _, by_p = sums.quadratic
+    some, angle = by_s + by_p > 0.0, angle_deg[:, None]
     few = some.sum(0) <= _FEW
     lowest, highest = np.where(some, angle, 90.0).min(0), np.where(some, angle, 0.0).max(0)
-    p_alone = (sums.ss <= (_NEARLY_P / (1.0 - _NEARLY_P)) ** 2 * sums.pp).all(0)
+    p_alone = (by_s <= (_NEARLY_P / (1.0 - _NEARLY_P)) ** 2 * by_p).all(0)
     is_open = p_alone & (few | (lowest >= _OPEN_ABOVE) | denser)
     return np.where(is_open, "open", np.where(few | (highest < _NARROW), "fine", "coarse"))
 
 
 def _low_places(
-    mesh: _Mesh, tables: list[np.ndarray], sums: _Sums, pick: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the places (L,) on segments that miss less than their neighbours, and their curves."""
+    sums: _Sums, mine: np.ndarray, mesh: list[np.ndarray], tables: list[np.ndarray], most: int,
+    share: float,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Return the places (L,) on segments that miss less than their neighbours, and their curves.
+
+    mine: those of the curves of ``sums`` that this mesh is for. tables: its `_reflectances`.
+    """
+    # whole calls, filled up with the last curve
+    full = np.pad(mine, (0, -len(mine) % min(len(mine), _LANES)), "edge")
+    sums = _Sums(*(a[..., full] if a.shape[-1] > 1 else a for a in sums))
     parts = [_along_segments(nodes, sums) for nodes in tables]
     best = np.min([misfit.min((1, 2)) for misfit, _ in parts], 0)
-    bound = np.maximum(4.0 * best, mesh.share * sums.square.reshape(best.shape))[:, None, None]
-    index, curve, miss = [], [], []
-    for block, (misfit, t) in zip(mesh.blocks, parts, strict=True):
+    bound = np.maximum(4.0 * best, share * sums.square.reshape(best.shape))[:, None, None]
+    found = []
+    for block, (misfit, t) in zip(mesh, parts, strict=True):
         at = np.nonzero((misfit <= _among_neighbours(misfit)) & (misfit <= bound))
         low, high = block[at[1:3]], block[at[1] + 1, at[2]]
-        index.append(low + t[at] * (high - low))
-        curve.append(at[0] * t.shape[-1] + at[3])
-        miss.append(misfit[at])
-    index, curve, miss = map(np.concatenate, (index, curve, miss))
+        found.append((low + t[at] * (high - low), at[0] * t.shape[-1] + at[3], misfit[at]))
+    index, curve, miss = (np.concatenate(each) for each in zip(*found, strict=True))
     order = np.lexsort((miss, curve))
     index, curve = index[order], curve[order]
     rank = np.arange(len(curve)) - np.searchsorted(curve, curve)
-    keep = (rank < mesh.most) & (curve < len(pick))
-    return index[keep], pick[curve[keep]]
+    keep = (rank < most) & (curve < len(mine))
+    return index[keep], mine[curve[keep]]
 
 
-def mesh_starts(search: BatchSearch) -> tuple[np.ndarray, np.ndarray]:
-    """Return starts (p, L) in the solver's coordinates, and the curve of each, (L,)."""
+def search_surface(search: BatchSearch) -> None:
+    """Follow the starts of the mesh; and others where none of these ends."""
     u, curves, outside = search.job.u, search.curves, search.curves.outside
-    both = [{n.rpartition(".")[2]: w for n, w in zip(u.spec.moving, u.moving, strict=True)}[part]
-            for part in ("eta", "k")]  # fmt: skip
+    names = [name.rpartition(".")[2] for name in u.spec.moving]
+    both = [u.moving[names.index(part)] for part in ("eta", "k")]
 
     def inside(index: np.ndarray, unit: Any) -> list[np.ndarray]:
         parts = np.real(index) * unit, np.imag(index) * unit
         return [np.clip(x, w.low, w.high) for x, w in zip(parts, both, strict=True)]
 
-    middle = np.median(outside)
     angle = curves.own.get("angle_deg", curves.base.points.angle_deg)
     grid = angle[:, 0] if (angle == angle[:, :1]).all() else _GRID
-
-    @functools.cache
-    def tabulated(kind: str) -> tuple[_Mesh, list[np.ndarray]]:
-        parts = (inside(b, middle) for b in MESHES[kind].blocks)
-        mesh = MESHES[kind]._replace(blocks=tuple((eta + 1j * k) / middle for eta, k in parts))
-        return mesh, [_reflectances(b, grid) for b in mesh.blocks]
+    meshes, middle = dict[str, tuple](), np.median(outside)
+    for kind, (mesh, most, share) in MESHES.items():
+        parts = [inside(block, middle) for block in mesh]
+        mesh = [(eta + 1j * k) / middle for eta, k in parts]
+        meshes[kind] = mesh, [_reflectances(block, grid) for block in mesh], most, share
 
     def of_block(pick: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        sums, found = _sums(curves, pick, grid), []
+        sums = _sums(curves, pick, grid)
         kinds = np.broadcast_to(_kinds(sums, grid, outside[pick] > 1.0), len(pick))
-        for kind in MESHES:
-            mine = np.flatnonzero(kinds == kind)
-            if len(mine):  # in whole calls, filled up with the last curve
-                full = np.pad(mine, (0, -len(mine) % min(len(mine), _LANES)), "edge")
-                found.append(_low_places(*tabulated(kind), sums.at(full), pick[mine]))
-        return found
+        found = [_low_places(sums, np.flatnonzero(kinds == kind), *meshes[kind])
+                 for kind in np.unique(kinds)]  # fmt: skip
+        return [(index, pick[curve]) for index, curve in found]
 
     every, _ = np.flatnonzero(search.known), curves.squares  # made before threads ask for the data
-    blocks = np.split(every, range(_SIDE_BY_SIDE, len(every), _SIDE_BY_SIDE))
-    found = [one for some in side_by_side(of_block, blocks) for one in some]
-    index, which = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    parts = np.split(every, range(_SIDE_BY_SIDE, len(every), _SIDE_BY_SIDE))
+    found = [one for some in side_by_side(of_block, parts) for one in some]
+    index, which = (np.concatenate(each) for each in zip(*found, strict=True))
     rows = [from_parameter(w.parameter.coordinate, x)
             for w, x in zip(both, inside(index, outside[which]), strict=True)]  # fmt: skip
-    return np.stack(rows if u.moving[0] is both[0] else rows[::-1]), which
-
-
-def search_surface(search: BatchSearch) -> None:
-    """Follow the starts of the mesh; and others where none of these ends."""
-    search.run(*mesh_starts(search))
+    search.run(np.stack(rows if names[0] == "eta" else rows[::-1]), which)
     rest = np.flatnonzero(search.known & ~search.best.done)
     if len(rest):
-        others = starts(search.job.u.moving, _OTHERS, 0)
+        others = starts(u.moving, _OTHERS, 0)
         search.run(np.tile(others, len(rest)), np.repeat(rest, _OTHERS))
