@@ -218,6 +218,14 @@ class Measurement:
             data, said = checked(data, where, hint)
         return Measurement(*map(frozen, data), source=source, understood=text + said)
 
+    @staticmethod
+    def from_dataframe(table: Any, **options: Any) -> Measurement:
+        """Return the measurement in a data frame, xarray or mapping: :func:`read_csv` of it."""
+        # By the public name: the reader makes measurements, and is a room above.
+        from fitting import read_csv
+
+        return read_csv(table, **options)
+
 
 def _arrays(m: Measurement) -> tuple[np.ndarray, ...]:
     return m.angle_deg, m.wavelength_um, m.quantity, m.value, m.sigma, m.polarizer_deg
