@@ -226,11 +226,11 @@ def _said(table, label: str):
     return next((table[name] for name in _names_of(label) if name in table), None)
 
 
-# Parameters whose range (of the measured energies, of clear media) is for searches; any sign.
+# Parameters whose range (of the measured energies, of clear media) is for searches.
 _SEARCHED = re.compile(
     r"\.([A-H]|(plasma|width|resonance|strength|amplitude|gap|urbach)_ev2?(_\d+)?)$"
 )
-_SIGNED = re.compile(r"\.[B-H]$")
+_SIGNED = re.compile(r"\.[B-H]$")  # which may be negative where bounds or a value say so
 
 
 def unknown_of(parameter: Parameter, label: str, settings: Settings) -> tuple[Unknown, bool]:

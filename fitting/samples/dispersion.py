@@ -226,8 +226,8 @@ def _cauchy(terms: int, s: Spectrum, clear: bool = True) -> tuple[Parameter, ...
         scale = s.shortest_um ** (2 * j)  # where their share is 1
         start = (-0.1 * scale / j, 0.4 * scale / j)
         low = 0.0 if j == 1 else -0.1 * scale if terms <= 3 else -math.inf
-        low = low if clear else -math.inf
-        out.append(Parameter(CAUCHY_NAMES[j], f"um^{2 * j}", start, low))
+        unit = f"um^{2 * j}"
+        out.append(Parameter(CAUCHY_NAMES[j], unit, start, low if clear else -math.inf))
     return tuple(out)
 
 
