@@ -123,7 +123,7 @@ def run_lanes(
     """
     low, high = (np.broadcast_to(a.reshape(len(a), -1), start.shape) for a in limits)
     out, todo = Ends.begun(np.clip(start, low, high)), np.arange(start.shape[1])
-    damping = np.full(len(todo), START_DAMPING)
+    damping, fit = np.full(len(todo), START_DAMPING), todo if fit is None else fit
 
     def begun(todo: np.ndarray) -> Iterator[tuple]:
         for some, lanes in in_calls(todo, width):
@@ -146,9 +146,8 @@ def run_lanes(
             out.evaluations[some] += end["evaluations"]
         tell(done=0)
         going = ~out.done & np.isfinite(out.cost) & (out.evaluations < most)
-        if fit is not None:
-            best = np.full(fit.max() + 1, np.inf)
-            np.minimum.at(best, fit[out.done], out.cost[out.done])
-            going &= (out.evaluations < STAGE) | (out.cost < best[fit])
+        best = np.full(fit.max() + 1, np.inf)
+        np.minimum.at(best, fit[out.done], out.cost[out.done])
+        going &= (out.evaluations < STAGE) | (out.cost < best[fit])
         todo = todo[going[todo]]
     return out
