@@ -25,7 +25,7 @@ from fitting.problem.programs import targets_of
 from fitting.problem.unknowns import index_outside
 from fitting.samples.sample import Sample
 from fitting.searching.film_starts import films_of
-from fitting.searching.minima import SAME_MINIMUM
+from fitting.searching.minima import by_cost
 
 # So many points are kept at least, and no phase between neighbours above that many periods, for an
 # index as high as that. Without films, of a curve with next to no noise that has narrow lines, more
@@ -84,9 +84,7 @@ def followed_with_all(fit: Problem, ends: Ends) -> Ends:
     the model does not describe the data, the lowest with fewer rows need not be among the lowest
     with all: a narrow line between the rows that were kept costs nothing.
     """
-    order = np.argsort(ends.cost, kind="stable")
-    cost = np.minimum(ends.cost[order], 1e300)
-    group = np.cumsum(np.append(False, np.diff(cost) > SAME_MINIMUM * cost[1:]))
+    order, group = by_cost(ends)
     first = ends.y[:, order[np.searchsorted(group, np.arange(group[-1] + 1))]]
     some = np.argsort(fit.held(first[:, :_MOST], 1.0, 1).cost, kind="stable")[:FOLLOWED]
     found = fit.run(first[:, np.resize(some, FOLLOWED)], 1.0)

@@ -21,7 +21,7 @@ from fitting.searching.fringes import likely_thicknesses, phase_rate
 # same for many starts. Each thickness is tried with these shifts, in parts of a period, since the
 # scan does not know the phases of the reflections at the two faces.
 _CANDIDATES, _LIKELY = 40, 40
-MANY_CANDIDATES, _MANY_LIKELY = 128, 80
+_MANY_CANDIDATES, _MANY_LIKELY = 128, 80
 SHIFTS = (0.0, 0.25, -0.25, 0.5)
 # For each film beyond the second so many times as many ways to divide a phase are tried.
 _SPLITS = 4
@@ -128,7 +128,7 @@ def film_starts(fit: Problem, y: np.ndarray) -> np.ndarray:
     if not films:
         return y[:, :0]
     many = y.shape[1] > 4 * LANES
-    indices, count = (MANY_CANDIDATES, _MANY_LIKELY) if many else (_CANDIDATES, _LIKELY)
+    indices, count = (_MANY_CANDIDATES, _MANY_LIKELY) if many else (_CANDIDATES, _LIKELY)
     rates = [phase_rates(fit, film, y[:, :indices]) for film in films]
     most = [
         film.high_um * float(np.median(middle(r))) for film, r in zip(films, rates, strict=True)
@@ -136,10 +136,7 @@ def film_starts(fit: Problem, y: np.ndarray) -> np.ndarray:
     # A film that can have next to no fringe beside one that has them is not looked for by its own.
     with_fringes = [i for i, n in enumerate(most) if n > _LEAST_FRINGES or n == max(most)]
     films, rates = [films[i] for i in with_fringes], [rates[i] for i in with_fringes]
-    each = [
-        by_fringes(fit, film, y, r, fit.seen.measured, count)
-        for film, r in zip(films, rates, strict=True)
-    ]
+    each = [by_fringes(fit, film, y, r, count) for film, r in zip(films, rates, strict=True)]
     if len(films) > 1:
         again = _SPLITS ** (len(films) - 2)
         each += [
@@ -167,26 +164,22 @@ def _split(fit: Problem, films: list[Film], film: Film, y: np.ndarray) -> np.nda
 
 
 def by_fringes(
-    fit: Problem, film: Film, y: np.ndarray, rates: np.ndarray, rows: np.ndarray, count: int,
-    most: float = np.inf,
-) -> np.ndarray:  # fmt: skip
-    """Return starts (p, 4 count) from the fringes in some rows (bool, of all).
+    fit: Problem, film: Film, y: np.ndarray, rates: np.ndarray, count: int, most: float = np.inf
+) -> np.ndarray:
+    """Return starts (p, 4 count) from the fringes, y (p, L) at likely thicknesses.
 
     most: leave out thicknesses whose misfit is so many times that of the best.
     """
     values, weights = _curves(fit.seen)
+    rows = fit.seen.measured
     lane, thickness = likely_thicknesses(
-        rates[:, rows], film.low_um, film.high_um, values[:, rows], weights[:, rows], count,
-        most,
-    )  # fmt: skip
+        rates[:, rows], film.low_um, film.high_um, values[:, rows], weights[:, rows], count, most
+    )
     between = middle(rates[lane][:, rows])
-    out = []
-    for shift in SHIFTS:
-        start = y[:, lane].copy()
-        moved = np.clip(thickness + shift / between, film.low_um, film.high_um)
-        start[film.row] = coordinate(fit, film, moved)
-        out.append(start)
-    return np.concatenate(out, 1)
+    shifted = np.concatenate([thickness + shift / between for shift in SHIFTS])
+    out = np.tile(y[:, lane], len(SHIFTS))
+    out[film.row] = coordinate(fit, film, np.clip(shifted, film.low_um, film.high_um))
+    return out
 
 
 def scaled_index(fit: Problem, film: Film, y: np.ndarray, factor: float | np.ndarray) -> np.ndarray:
@@ -213,32 +206,3 @@ def coordinate(fit: Problem, film: Film, um: np.ndarray) -> np.ndarray:
 def thickness_um(fit: Problem, film: Film, y: np.ndarray) -> np.ndarray:
     """Return the thickness of a film in every lane of y (p, L), (L,)."""
     return 1e-3 * value_and_slope(fit.u.moving[film.row].parameter.coordinate, y[film.row])[0]
-
-
-# Parts of the spectrum, of at least so many wavelengths; likely thicknesses from each; and the
-# number of fringes of the thickest film from which on they are searched.
-_PARTS, _LEAST, _FEW_LIKELY, _FRINGES = 4, 16, 8, 20.0
-
-
-def starts_from_parts(
-    fit: Problem, film: Film, candidates: Sequence[np.ndarray]
-) -> list[np.ndarray]:
-    """Return starts (p, S) from the fringes in each quarter of the spectrum by itself.
-
-    candidates: random starts and the lowest ends, (p, L), whose indices are tried. Where a film
-    absorbs, or reflects like a metal, there are no fringes, and the edge of that range dominates a
-    scan over the whole spectrum. A film that is opaque in most of it is described there with any
-    thickness, and so the lowest ends have the right index for the fringes of the other part.
-    """
-    wavelength, used = fit.seen.points.wavelength_um[:, 0], fit.seen.measured
-    each = np.array_split(np.unique(wavelength[used]), _PARTS)
-    rates = [phase_rates(fit, film, y[:, :MANY_CANDIDATES]) for y in candidates]
-    most = film.high_um * float(np.median(np.ptp(rates[0][:, used], axis=1)))
-    if min(map(len, each)) < _LEAST or most < _FRINGES:
-        return []
-    return [
-        by_fringes(
-            fit, film, y, rate, used & (wavelength >= a[0]) & (wavelength <= a[-1]), _FEW_LIKELY
-        )
-        for y, rate in zip(candidates, rates, strict=True) for a in each
-    ]  # fmt: skip

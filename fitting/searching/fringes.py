@@ -103,36 +103,21 @@ def harmonic_sums(vectors: np.ndarray, rate: np.ndarray, grid: Grid) -> np.ndarr
 def _alike(values: np.ndarray, weights: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return groups of curves (C, M) with one weight (M,), which share most sums over the data."""
     groups: dict[bytes, list[int]] = {}
-    used = [i for i, w in enumerate(weights) if w.any()]
     scale = weights.max(1, keepdims=True)
-    for i in used:
+    for i in np.flatnonzero(scale[:, 0]).tolist():
         groups.setdefault((weights[i] / scale[i]).tobytes(), []).append(i)
     # A factor on the weight of a curve is one on its values.
     return [((values * scale)[rows], weights[rows[0]] / scale[rows[0]]) for rows in groups.values()]
 
 
-def misfit(rate: np.ndarray, grid: Grid, groups: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """Return the sum of squares of the residuals at each thickness, (D,).
+def _misfit(rate: np.ndarray, grid: Grid, values: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Return the sum of squares (D,) of curves (C, M) less smooth curves and fringes.
 
-    rate: (M,). groups: of `_alike`; weight 0 leaves out.
+    rate, weight: (M,); weight 0 leaves out. The smooth curves are 1, x and x^2, what fringes are
+    multiplied by 1 and x, where x is g itself, which runs evenly along a spectrum and an angle.
     """
-    total = np.zeros(len(grid.thin) + grid.count)
-    # Smooth curves in g itself, which runs evenly along a spectrum and along the angle.
-    x = (rate - rate.mean()) / (np.ptp(rate) or 1.0)
+    x, w = (rate - rate.mean()) / (np.ptp(rate) or 1.0), weight * weight
     powers = np.stack([np.ones_like(x), x, x * x, x * x * x])
-    for curves, weight in groups:
-        total += _left(rate, grid, powers, curves, weight * weight)
-    return total
-
-
-def _left(
-    rate: np.ndarray, grid: Grid, powers: np.ndarray, values: np.ndarray, w: np.ndarray
-) -> np.ndarray:
-    """Return the weighted sum of squares (D,) of curves (C, M) less smooth curves and fringes.
-
-    powers: 1, x, x^2, x^3, (4, M). The smooth curves are the first three, what fringes are
-    multiplied by the first two.
-    """
     a, b = 3, 2
     size = a + 2 * b
     i, j = np.arange(b)[:, None], np.arange(a)
@@ -190,7 +175,7 @@ def likely_thicknesses(
         thickness = grid.thickness_um
         rising = np.argsort(thickness, kind="stable")
         thickness = thickness[rising]
-        cost = misfit(rate, grid, groups)[rising]
+        cost = np.sum([_misfit(rate, grid, *group) for group in groups], 0)[rising]
         best = np.flatnonzero(local_minima(cost))
         best = best[np.argsort(cost[best], kind="stable")[: max(6, count // len(rates))]]
         which.append(np.full(len(best), j))

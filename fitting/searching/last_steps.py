@@ -63,14 +63,12 @@ def down_the_valley(fit: Problem, ends: Ends, noise: float) -> Ends:
             break
         used = int(ends.evaluations[lane]) - fit.looked
         y, _ = polished(fit, ends.y[:, lane], noise)
-        ends = joined([ends, _counted(fit.held(y[:, None], noise, STAGE), used + fit.looked)])
+        more = fit.held(y[:, None], noise, STAGE)
+        more.evaluations[:] += used + fit.looked
+        ends = joined([ends, more])
         if int(np.argmin(ends.cost)) == lane:
             break
     return ends
-
-
-def _counted(ends: Ends, before: int) -> Ends:
-    return ends._replace(evaluations=ends.evaluations + before)
 
 
 def brought_to_rest(fit: Problem, ends: Ends, noise: float) -> Ends:
@@ -84,10 +82,11 @@ def brought_to_rest(fit: Problem, ends: Ends, noise: float) -> Ends:
     fine = best is not None and not any(_stuck_or_far(fit, ends.y[:, best], noise))
     if fine or fit.u.spec.loss != "squares" or fit.first is None:
         return down_the_valley(fit, ends, noise)
-    lane, before = int(np.argmin(ends.cost)), fit.looked
+    lane = int(np.argmin(ends.cost))
+    used = int(ends.evaluations[lane]) - fit.looked
     y, _ = _along_the_valley(fit, *fit.first, noise, _FROM_START)
-    used = int(ends.evaluations[lane]) + fit.looked - before
-    more = _counted(fit.held(y[:, None], noise, STAGE), used)
+    more = fit.held(y[:, None], noise, STAGE)
+    more.evaluations[:] += used + fit.looked
     lowest = down_the_valley(fit, more if more.cost[0] < ends.cost[lane] else ends, noise)
     stuck = np.array([_stuck_or_far(fit, y, noise)[0] for y in lowest.y.T])
     return lowest._replace(done=lowest.done & ~stuck)
@@ -107,13 +106,8 @@ def _stuck_or_far(fit: Problem, y: np.ndarray, noise: float) -> tuple[bool, bool
     return stuck, bool((unknown | fit.lost(s, y)).any())
 
 
-def polished(
-    fit: Problem, y: np.ndarray, noise: float, valley: bool = True
-) -> tuple[np.ndarray, Slopes]:
-    """Return the minimum next to y (p,), and the derivatives there.
-
-    valley: whether a curved valley is followed.
-    """
+def polished(fit: Problem, y: np.ndarray, noise: float) -> tuple[np.ndarray, Slopes]:
+    """Return the minimum next to y (p,), along a curved valley too, and the derivatives there."""
     s = fit.slopes(y)
     finite = np.isfinite(s.residual).all() and np.isfinite(s.jacobian).all()
     if fit.u.spec.loss != "squares" or not finite:
@@ -125,18 +119,13 @@ def polished(
         there = fit.slopes(trial)
         found = fit.cost(there, trial, noise)
         if not (found < cost and np.isfinite(there.jacobian).all()):
-            if valley and float(np.sum((s.jacobian @ step / noise) ** 2)) > _FALL * _unit(
-                fit, cost
-            ):
+            # the unit of chi2: that of the stated errors, else from the scatter
+            unit = cost / max(fit.dof, 1) if fit.asked.scaled else 1.0
+            if float(np.sum((s.jacobian @ step / noise) ** 2)) > _FALL * unit:
                 return _along_the_valley(fit, y, s, noise)
             break
         y, s, cost = trial, there, found
     return y, s
-
-
-def _unit(fit: Problem, cost: float) -> float:
-    """Return the unit of chi2: that of the stated errors, else from the scatter."""
-    return cost / max(fit.dof, 1) if fit.asked.scaled else 1.0
 
 
 def _along_the_valley(

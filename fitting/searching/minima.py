@@ -68,14 +68,21 @@ def scatter_of(fit: Problem, cost: float, noise: float) -> tuple[float, float]:
     return float(unit), float(most)
 
 
+def by_cost(ends: Ends) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lanes by rising cost, and which minimum each is by its cost: 0, 1, ..."""
+    cost = np.minimum(ends.cost, 1e300)
+    order = np.argsort(cost, kind="stable")
+    rises = np.diff(cost[order]) > SAME_MINIMUM * cost[order][1:]
+    return order, np.cumsum(np.append(False, rises))
+
+
 def lowest_lanes(ends: Ends) -> np.ndarray:
     """Return the lanes (8,) of the lowest ends, one of each cost as far as there are so many.
 
     Of fewer than eight some come again.
     """
-    cost = np.minimum(ends.cost, 1e300)
-    order = np.argsort(cost, kind="stable")
-    new = np.append(True, np.diff(cost[order]) > SAME_MINIMUM * cost[order][1:])
+    order, which = by_cost(ends)
+    new = np.diff(which, prepend=-1) > 0
     return np.resize(np.concatenate([order[new], order[~new]]), 8)
 
 

@@ -20,8 +20,8 @@ from fitting.searching.film_starts import (
     thickness_um,
 )
 from fitting.searching.last_steps import down_the_valley
-from fitting.searching.neighbours import _as_free_electrons
-from fitting.searching.other_thicknesses import with_all_orders
+from fitting.searching.proposals import as_free_electrons
+from fitting.searching.search import with_all_orders
 from fitting.searching.starts import start_at, starts
 
 WAVES = np.linspace(0.4, 0.8, 16)
@@ -82,7 +82,7 @@ def test_an_oscillator_below_the_spectrum_becomes_free_electrons():
     for name, v in own.items():
         i = names.index(f"film.{name}")
         y[i] = from_parameter(moving[i].parameter.coordinate, v)
-    new = _as_free_electrons(fit, y[:, None], start_at(moving, {})[:, None])[:, 0]
+    new = as_free_electrons(fit, y[:, None], start_at(moving, {})[:, None])[:, 0]
     assert not np.allclose(new, y)
     weak = names.index("film.strength_ev2_1")
     assert new[weak] < y[weak]

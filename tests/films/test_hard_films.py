@@ -43,8 +43,6 @@ def ends_in(seed, cost, thickness):
     (961038920, 484.1, 12013.1),
     # lanes that were still on their way down a valley did not count: 130093 at 7051 nm
     (331000126, 985.9, 7270.3),
-    # opaque in three quarters of the spectrum, the index of these not tried: 649.6 at 20 um
-    (918182658, 492.7, 13837.9),
     # chi2 174.5, 3.4 sigma too large, passed for noise, and the search ended
     (752380777, 116.2, 3327.6),
     # of 832 starts one leads there, and was 674th when they were sifted: 2044 at 1388 nm

@@ -4,18 +4,9 @@ import numpy as np
 import pytest
 
 from fitting import Measurement, simulate
-from fitting.problem.lanes import Ends
-from fitting.searching.neighbours import _other_lines
-from fitting.searching.oscillators import (
-    Responses,
-    _condensed,
-    by_eps,
-    likely_lines,
-    oscillator,
-    oscillators,
-)
+from fitting.searching.oscillators import by_eps, likely_lines, oscillator, oscillators
 from fitting.searching.starts import start_at
-from tests.fits.oscillator_problem import ENERGY, job, measured
+from tests.fits.oscillator_problem import job, measured
 
 STRONG = {"eps_inf": 2.0, "strength_ev2_1": 20.0, "resonance_ev_1": 3.2, "width_ev_1": 0.6}
 
@@ -56,23 +47,6 @@ def test_a_part_of_many_data_is_enough():
     assert found == pytest.approx([2.0, 2.2, 0.1], rel=0.3)
 
 
-def test_of_several_angles_two_data_at_each_energy_are_enough():
-    """Of any change of eps: its square, and its products with what it is compared with."""
-    random = np.random.default_rng(11)
-    energy = random.permutation(np.repeat(ENERGY, 7))
-    by = random.normal(size=(2, len(energy)))
-    by[:, energy == ENERGY[3]] = 0.0  # data that do not depend on eps
-    known = Responses(energy, by[0], by[0] + 1j * by[1], by.T)
-    toward = random.normal(size=(len(energy), 3))
-    fewer, of, less = _condensed(known, toward)
-    assert len(fewer) == 2 * len(ENERGY)
-    eps = random.normal(size=len(ENERGY)) + 1j * random.normal(size=len(ENERGY))
-    before = (known.by_eps * eps[np.searchsorted(ENERGY, energy)]).real
-    after = (of * eps[np.searchsorted(ENERGY, fewer)]).real
-    assert after @ after == pytest.approx(before @ before, rel=1e-12)
-    np.testing.assert_allclose(after @ less, before @ toward, rtol=1e-10)
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_a_line_that_is_missing_is_among_the_first_two(seed):
     random = np.random.default_rng([seed, 26])
@@ -97,19 +71,3 @@ def test_of_an_end_without_derivatives_nothing_is_made():
     y[0] = np.nan
     found = likely_lines(fit, y, oscillators(fit)[1], 3)
     np.testing.assert_array_equal(found, np.repeat(y[:, None], 3, 1))
-
-
-def test_the_oscillators_of_a_minimum_are_moved_once():
-    """In the next round only those of the minima that are new: the ends would be the same."""
-    fit = job("lorentz:2", measured("lorentz:1", STRONG, ("psi", "delta")))
-    y = np.repeat(start_at(fit.u.moving, {})[:, None], 3, 1)
-    y[0] += [0.0, 0.1, 0.2]
-    seen: list[float] = []
-
-    def further(*costs):
-        cost = np.array(costs)
-        return _other_lines(fit, Ends(y, cost, cost > 0.0, cost), seen).shape[1]
-
-    each = further(100.0, 100.001, 100.002)
-    assert each > 0 and further(100.0, 100.001, 100.002) == 0
-    assert further(50.0, 70.0, 100.0) == 2 * each

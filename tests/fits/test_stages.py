@@ -8,7 +8,7 @@ from fitting.fits import fit_checked
 from fitting.problem.lanes import LANES
 from fitting.problem.problem import FitOptions, Kept
 from fitting.samples.parameters import Settings
-from fitting.searching import neighbours, search
+from fitting.searching import search
 from fitting.searching.search import grown_starts
 from fitting.searching.starts import start_at
 from fitting.searching.starts import starts as start_points
@@ -87,18 +87,34 @@ def test_a_search_that_was_made_is_not_repeated(counted):
 
 
 def test_of_a_candidate_that_is_only_compared_fewer_further_starts_are_followed(monkeypatch):
-    followed, counts = neighbours.followed, []
+    followed, counts = search.followed, []
 
     def counted(fit, start, noise, best):
         counts[-1].append(start.shape[1])
         return followed(fit, start, noise, best)
 
-    monkeypatch.setattr(neighbours, "followed", counted)
+    monkeypatch.setattr(search, "followed", counted)
     m, which = measurement(1e-3), Sample.parse(SAMPLE.format("lorentz:1"))
     for thorough in (False, True):
         counts.append([])
         fit_checked([m], which, Settings(), FitOptions("scaled", "quadratic", thorough=thorough))
     assert max(counts[0]) == LANES < max(counts[1])
+
+
+def test_proposals_are_made_once_of_each_minimum(monkeypatch):
+    """From the same minimum the same starts would lead to the same ends."""
+    parents = []
+
+    def recorded(fit, of):
+        parents.append(of.new)
+        return []
+
+    monkeypatch.setattr(search, "PROPOSALS", (recorded, *search.PROPOSALS))
+    m, which = measurement(1e-3), Sample.parse(SAMPLE.format("lorentz:1"))
+    fit_checked([m], which, Settings(), FitOptions("scaled", "quadratic"))
+    assert len(parents) > 1 and parents[0].shape[1] > 0
+    every = np.concatenate(parents, 1)
+    assert np.unique(every, axis=1).shape == every.shape
 
 
 def test_a_term_is_added_to_the_minima_of_the_model_with_a_term_less(monkeypatch):
