@@ -23,10 +23,11 @@ from fitting.fit_result import Fit
 from fitting.fits import fit_checked
 from fitting.outcomes.of_batch import fit_of_batch
 from fitting.outcomes.outcome import parameters_at
-from fitting.problem.curve_lanes import Curves, shown_at
-from fitting.problem.problem import FitOptions, Kept, Problem
+from fitting.problem.curve_lanes import Curves, shown_at, slopes
+from fitting.problem.problem import FitOptions, Kept
 from fitting.process.progress import tell
 from fitting.residuals.error_model import ADDED, NEED_STATED, added_kinds, beyond_chance
+from fitting.residuals.noise import scatter_of_each
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import FitData
 from fitting.results.result_parts import REFUSED
@@ -37,7 +38,7 @@ from fitting.searching.batch_search import BatchSearch
 from fitting.searching.minima import SAME_CHI2
 from fitting.searching.surface_mesh import of_bare_surface, search_surface
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
-from fitting.uncertainty.stated_errors import further_errors, told
+from fitting.uncertainty.stated_errors import further_errors, of_each, told
 from fitting.wavelengths import problem_of
 
 # Rounds of searches afresh; each begins where the one before found a lower minimum.
@@ -120,13 +121,14 @@ def fit_many(
     """Return the fits of many curves of one sample, each by itself, in one call.
 
     Values, errors and warnings are those of `fit` for each curve at the same minimum, to a
-    thousandth of a standard error, except that residuals are not tested for autocorrelation, for
-    which `fit` widens the errors; of a misfit that is little larger than the noise
-    (`does_not_describe`) 94 in 100 are told; and films that noise or thinness leaves open are not
-    looked for. A bare surface whose index is free starts each curve from a mesh of indices. Of
-    other samples (films, plates, dispersion models, psi and Delta) a few curves are searched as
-    `fit` does, all begin from the minima found there and from those of their neighbours, and the
-    worst of them and some by chance are searched afresh.
+    thousandth of a standard error, except that residuals are not tested for autocorrelation,
+    for which `fit` widens the errors; of a misfit that is little larger than the noise
+    (`does_not_describe`) 94 in 100 are told, and its cause is named by `fit` of that curve; and
+    films that noise or thinness leaves open are not looked for. A bare surface whose index is
+    free starts each curve from a mesh of indices. Of other samples (films, plates, dispersion
+    models, psi and Delta) a few curves are searched as `fit` does, all begin from the minima
+    found there and from those of their neighbours, and the worst of them and some by chance are
+    searched afresh.
 
     Args:
         angles_deg: (M,) degrees of incidence from the normal, 0 to 90; or (..., M), angles of its
@@ -188,13 +190,15 @@ def fit_many(
         values, sigmas, angle, wavelength, shape, which, settings,
         FitOptions(errors, intervals, seed=seed), start_of(start, near, shape), check,
     )  # fmt: skip
-    if reasons is None:
-        return Fit.of(found)
-    at = np.reshape(reasons != "", found.shape)
-    told = Finding("refused", at, {"reason": np.reshape(reasons, found.shape)})
-    return Fit.of(replace(
-        found, status=np.where(at, REFUSED, found.status), findings=ranked((told, *found.findings))
-    ))  # fmt: skip
+    findings = [
+        replace(f, values={**f.values, "alone": True}) if f.code == "does_not_describe" else f
+        for f in found.findings
+    ]
+    if reasons is not None:
+        at = np.reshape(reasons != "", found.shape)
+        findings.append(Finding("refused", at, {"reason": np.reshape(reasons, found.shape)}))
+        found = replace(found, status=np.where(at, REFUSED, found.status))
+    return Fit.of(replace(found, findings=ranked(findings)))
 
 
 def _check_general(sample: Sample, one: bool) -> None:
@@ -237,14 +241,14 @@ def _fit_curves(
     if not len(every):
         raise ValueError("no curve has a datum; one was wanted at least.")
     if near is not None:
-        lacking = [n for n in _free_names(job) if n not in near]
+        free = {job.u.labels[w.parameter.name]: w for w in job.u.moving if w.free}
+        lacking = [n for n in free if n not in near]
         if lacking:
             raise ValueError(
                 f"start and near have no value of {', '.join(lacking)}; one of every fitted "
-                f"parameter ({', '.join(_free_names(job))}) was wanted."
+                f"parameter ({', '.join(free)}) was wanted."
             )
-        for w in (w for w in job.u.moving if w.free):
-            name = job.u.labels[w.parameter.name]
+        for name, w in free.items():
             if not ((w.low <= near[name]) & (near[name] <= w.high)).all():
                 raise ValueError(
                     f"the start of {name} holds {near[name].min():g} to {near[name].max():g}; "
@@ -291,15 +295,21 @@ def _result(
     known: the wavelengths.
     """
     curves, errors, cost = search.curves, search.job.asked.errors, search.best.cost
-    names, given = tuple(curves.values), curves.sigma
-    if given is None or not added_kinds(errors) or not set(names) <= set(POWERS):
-        return fit_of_batch(search, shape, sample, known=known)
+    names, given, seen = tuple(curves.values), curves.sigma, curves.seen
     large, _ = beyond_chance(cost / np.maximum(search.dof, 1), search.dof)
     far = (large if errors == "auto" else search.dof > 0) & np.isfinite(cost)
-    if not far.any():
+    own = given is None and errors == "auto" and len(names) > 1
+    further = given is not None and added_kinds(errors) and far.any()
+    if not {*names} <= {*POWERS} or not (own or further):
         return fit_of_batch(search, shape, sample, known=known)
-    values, stated = (np.concatenate([of[q] for q in names], 1) for of in (curves.values, given))
-    stated = np.where(np.isfinite(values), stated, np.inf)
+    values = np.concatenate([curves.values[q] for q in names], 1)
+    rows = np.concatenate([seen.row[seen.quantity == q] for q in names])
+    quantity = np.repeat(np.arange(len(names)), len(rows) // len(names))
+    place = np.array([seen.channels.index(q) for q in names])[quantity]
+    stated = np.full(values.shape, np.nan)
+    if given is not None:
+        stated = np.concatenate([given[q] for q in names], 1)
+        stated = np.where(np.isfinite(values), stated, np.inf)
 
     def with_errors(sigma: np.ndarray, of: np.ndarray) -> BatchSearch:
         whole = stated.copy()
@@ -307,15 +317,29 @@ def _result(
         return search.with_errors(dict(zip(names, np.split(whole, len(names), 1), strict=True)), of)
 
     def model(by: BatchSearch, of: np.ndarray) -> np.ndarray:
-        seen = curves.seen
-        rows = shown_at(search.job.u.spec, curves, by.best.y[:, of], of)
-        columns = [rows[:, seen.channels.index(q), seen.row[seen.quantity == q]] for q in names]
-        return np.concatenate(columns, 1)
+        return shown_at(search.job.u.spec, curves, by.best.y[:, of], of)[:, place, rows]
 
     def compared(of: np.ndarray, fitted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         off = np.where(np.isfinite(values[of]), values[of] - fitted, 0.0)
         return off, np.ones_like(off)
 
+    if own:
+        some = np.flatnonzero(search.known)
+        at = slopes(search.job.u.spec, curves, search.best.y[:, some], some)
+        angle = curves.of_points("angle_deg", some if "angle_deg" in curves.own else some[:1])
+        off = values[some] - at.shown[:, place, rows]
+        wavelength, sigma = seen.points.wavelength_um[rows, 0], np.full(values.shape, np.nan)
+        sigma[some] = scatter_of_each(angle[:, rows], wavelength, quantity, values[some], off)
+        used = np.flatnonzero(np.isfinite(sigma).any(1) & (2 * search.dof >= curves.n_data))
+        if not len(used):
+            return fit_of_batch(search, shape, sample, known=known, at=at)
+        there, row = with_errors(sigma[used], used), np.searchsorted(some, used)
+        new = slopes(search.job.u.spec, there.curves, there.best.y[:, used], used)
+        for mine, other in zip(at, new, strict=True):
+            mine[row] = other
+        best = fit_of_batch(there, shape, sample, known=known, at=at)
+        noise = sigma[:, :: len(rows) // len(names)].reshape(*shape, len(names))
+        return of_each(best, np.isin(np.arange(len(sigma)), used).reshape(shape), names, noise)
     fitted = np.zeros_like(values)
     fitted[far] = model(search, np.flatnonzero(far))
     taken = further_errors(
@@ -327,18 +351,12 @@ def _result(
         return fit_of_batch(search, shape, sample, known=known)
     there = with_errors(taken.sigma[used], used)
     best = fit_of_batch(there, shape, sample, known=known)
-    off, _ = compared(used, model(there, used))
     chi2 = np.ravel(best.chi2).astype(float)
-    chi2[used] = ((off / stated[used]) ** 2).sum(1)
+    chi2[used] = ((compared(used, model(there, used))[0] / stated[used]) ** 2).sum(1)
     u = search.job.u
     values_before = np.reshape(parameters_at(u, search.best.y.T)[0], (*shape, -1))
     before = {u.labels[n]: values_before[..., i] for i, n in enumerate(u.spec.moving)}
     return told(before, best, taken, np.reshape(chi2, shape)[()])
-
-
-def _free_names(job: Problem) -> list[str]:
-    u = job.u
-    return [u.labels[n] for n, w in zip(u.spec.moving, u.moving, strict=True) if w.free]
 
 
 def _to_search(

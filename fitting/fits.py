@@ -9,31 +9,27 @@ Fits run in float64, whether or not the caller has switched on jax_enable_x64.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from fitting.data.measurement import Measurement, concatenate
-from fitting.data.quantities import POWERS, are_powers
-from fitting.data.scatter import LEAST_VALUES, differences
+from fitting.data.quantities import POWERS
 from fitting.fit_result import Fit
 from fitting.free_films import check_free_film, fit_free_film, free_film
-from fitting.optics.instrument import INSTRUMENT
-from fitting.outcomes.batched import stacked
+from fitting.misfit_causes import explained, misses_of_files
 from fitting.outcomes.doubtful_index import notes_on
 from fitting.outcomes.findings import Subject, with_headline
-from fitting.outcomes.outcome import fit_of
-from fitting.outcomes.surface_verdicts import with_verdicts
-from fitting.problem.observations import labels_of, missing_errors
+from fitting.outcomes.of_fit import Ended, fits_of, of_measurement
+from fitting.problem.observations import missing_errors
 from fitting.problem.problem import FitOptions, Kept
-from fitting.residuals.error_model import NEED_STATED, RELATIVE, beyond_chance
-from fitting.residuals.residuals import weighted_residuals
-from fitting.results.diagnostics import Finding, Warning, ranked
+from fitting.residuals.error_model import NEED_STATED, RELATIVE
+from fitting.results.diagnostics import ranked
 from fitting.results.result import FitData
-from fitting.results.result_parts import CONVERGED, DETERMINED, MISFIT
+from fitting.results.result_parts import MISFIT
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
@@ -42,11 +38,14 @@ from fitting.searching.film_starts import film_starts, films_of
 from fitting.searching.search import searched
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
-from fitting.uncertainty.intervals import QUADRATIC, check_choices
-from fitting.uncertainty.likelihood import MARGIN
+from fitting.uncertainty.intervals import check_choices
 from fitting.uncertainty.stated_errors import covering, with_added_error
 from fitting.uncertainty.widening import widened
-from fitting.wavelengths import check_wavelengths, fit_wavelengths, problem_of
+from fitting.wavelengths import (
+    check_wavelengths,
+    fit_wavelengths,
+    problem_of,
+)
 
 
 def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
@@ -79,8 +78,8 @@ def checked_sample(measurements: Sequence[Measurement], sample: Sample) -> Sampl
 
 def _shared(
     measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions
-) -> FitData:
-    """Return the fit of shared parameters."""
+) -> Ended:
+    """Return the fit of shared parameters, searched."""
     job = problem_of(measurements, sample, settings, asked)
     u = job.u
     if not u.free.any():
@@ -96,7 +95,7 @@ def _shared(
     if asked.starts is None:
         points = np.concatenate([points, film_starts(few, points)], 1)
     ends, noise = searched(job, few, points)
-    return fit_of(job, ends, noise, Subject(sample, concatenate(*measurements)))
+    return Ended(job, ends, noise, Subject(sample, concatenate(*measurements)))
 
 
 def fit_checked(
@@ -126,11 +125,9 @@ def fit_checked(
 
     if not settings.priors:
         found = with_added_error(again, measurements, found, asked.errors, asked.intervals)
-    if not any(n.rpartition(".")[2] in ("eta", "k") for n in settings.names):
-        found = with_verdicts(found)
     missing, misses = (
         missing_errors(measurements, asked.errors),
-        _misses_of_files(measurements, found),
+        misses_of_files(measurements, found),
     )
     notes, pseudo = notes_on(found)
     found = replace(
@@ -145,122 +142,6 @@ def fit_checked(
     return found
 
 
-def _imperfections(m: Measurement, settings: Settings) -> tuple[str, ...]:
-    """Return the parameters of the instrument that might explain a misfit of such data."""
-    powers, oblique = are_powers(m.quantity), (m.angle_deg > 0.0).any()
-    names = ["angle_offset"] * bool(oblique)
-    names += ["scale", "background"] * bool(powers.any())
-    split = np.char.find(m.quantity[powers], "_") >= 0
-    names += ["leak"] * bool(oblique and split.any())
-    names += ["wavelength_offset"] * (len(np.unique(m.wavelength_um)) > 1)
-    mentioned = {name.partition("[")[0] for name in settings.names}
-    return tuple(n for n in names if n not in mentioned)
-
-
-# A layer that a surface may have unasked (an oxide, water, roughness), by its index and thickness.
-_COVER = "1.46", "0.2..30 nm"
-
-
-def explained(
-    measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions,
-    found: FitData,
-) -> FitData:  # fmt: skip
-    """Return a misfit, and what of the instrument or which layer describes its data better.
-
-    Each is fitted beside all unknowns, and compared by BIC; those of the instrument share one
-    program.
-    """
-    m = found.measurement
-    if found.shape or found.status != MISFIT or m is None:
-        return found
-    names = _imperfections(m, settings)
-    errors = "scaled" if found.errors.stated else "equal"
-    how = asked._replace(errors=errors, intervals=QUADRATIC, thorough=False, near=asked.kept_as)
-    how = how._replace(start=None)  # its names are those of this sample
-
-    def fitted(name: str, sample: Sample = sample, free: tuple[str, ...] = ()) -> FitData:
-        quiet = {n: float(INSTRUMENT[n].held or 0.0) for n in names if n not in free}
-        freed = settings._replace(
-            free=(*settings.free, *free), fixed={**settings.fixed, **quiet}, variants=tuple(quiet)
-        )
-        return fit_checked(measurements, sample, freed, how._replace(kept_as=name))
-
-    own = found.names
-    tried = [(name, fitted(name, free=(name,)), own) for name in names]
-    if not settings.names and np.isfinite(m.wavelength_um).all():
-        first, *rest = map(str, sample.media)
-        text = " | ".join([first, " ".join(_COVER), *rest])
-        covered = fitted("layer", Sample.parse(text))
-        same = tuple(n for n in covered.names if "thickness" not in n or n != covered.names[0])
-        tried.append(
-            (f"a layer of index {_COVER[0]} on top, in the sample '{text}'", covered, same)
-        )
-    least = fitted("").bic - MARGIN
-    good = [t for t in tried if t[1].status in DETERMINED and t[1].bic < least]
-    # What describes the data is named alone; else what comes nearest.
-    good = [t for t in good if t[1].status == CONVERGED] or good
-    good.sort(key=lambda t: t[1].bic)
-    said = []
-    for what, f, same in [t for t in good if t[1].bic <= good[0][1].bic + MARGIN]:
-        new = {n: e for n, e in f.parameters.items() if e.free and n not in same}
-        after = {n: f.parameters[other] for n, other in zip(own, same, strict=True)}
-        each = [
-            {n: tuple(map(float, (e.value, e.sigma, *e.interval))) for n, e in of.items()}
-            for of in (new, after)
-        ]
-        said.append((what, f.rms, f.status == CONVERGED, *each))
-    if not said:
-        return found
-    told = Finding("explained_by", np.True_, {"explanations": said})
-    return replace(found, findings=ranked([*found.findings, told]))
-
-
-def _misses_of_files(measurements: Sequence[Measurement], found: FitData) -> tuple[Warning, ...]:
-    """Return the note on the residuals of each of several files."""
-    if len(measurements) == 1 or found.measurement is None:
-        return ()
-    off = weighted_residuals(found.measurement, found.fitted, found.errors.stated)
-    each = np.split(off, np.cumsum([len(m) for m in measurements])[:-1])
-    files = labels_of([m.source for m in measurements])
-    pairs = itertools.combinations(zip(files, measurements, strict=True), 2)
-    compared = ((one, other, *_difference(a, b)) for (one, a), (other, b) in pairs)
-    values = {
-        "files": files, "n_data": [len(r) for r in each],
-        "rms": [float(np.sqrt(np.mean(r**2))) for r in each], "stated": found.errors.stated,
-        # The noise is estimated, too, from differences that share data: as from a third as many.
-        "contradictory": [p for p in compared if beyond_chance(p[2] ** 2, p[3] / 3.0)[0]],
-    }  # fmt: skip
-    return (Warning("residuals_of_files", {}, values),)
-
-
-def _difference(a: Measurement, b: Measurement) -> tuple[float, int]:
-    """Return by how many times their noise two files differ (rms), and at how many common points.
-
-    The noise is that of the stated errors, or the scatter of the differences over the curve.
-    """
-    columns = "angle_deg", "wavelength_um", "polarizer_deg"
-    keys = [
-        [*zip(m.quantity.tolist(), *(np.nan_to_num(getattr(m, c), nan=-1.0).tolist()
-                                     for c in columns), strict=True)]
-        for m in (a, b)
-    ]  # fmt: skip
-    place = {key: j for j, key in enumerate(keys[1])}
-    both = [(i, place[key]) for i, key in enumerate(keys[0]) if key in place]
-    i, j = np.array(both, int).reshape(-1, 2).T
-    off, noise = b.value[j] - a.value[i], np.hypot(a.sigma[i], b.sigma[j])
-    off = np.where(a.quantity[i] == "delta", (off + 180.0) % 360.0 - 180.0, off)
-    spectral = len(np.unique(a.wavelength_um[i])) > 1
-    axis = (a.wavelength_um if spectral else a.angle_deg)[i]
-    for q in np.unique(a.quantity[i]) if np.isnan(noise).any() else ():
-        rows = a.quantity[i] == q
-        if rows.sum() >= LEAST_VALUES:
-            rough = differences(axis[None, rows], off[None, rows], 3)
-            noise[rows] = np.sqrt(np.mean(rough**2))
-    known = noise > 0.0
-    count = int(known.sum())
-    return float(np.sqrt(np.mean((off[known] / noise[known]) ** 2))) if count else 0.0, count
-
-
 def _general(
     measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions
 ) -> FitData:
@@ -272,9 +153,9 @@ def _general(
         if len(waves) > 1:
             return fit_free_film(concatenate(*measurements), sample, film, settings, asked)
         # At one wavelength nothing is shared: thickness, eta and k are three unknowns of one fit.
-        return _shared(measurements, sample, settings, asked)
+        return fits_of([_shared(measurements, sample, settings, asked)])
     if not sample.by_wavelength or len(waves) == 1:
-        return _shared(measurements, sample, settings, asked)
+        return fits_of([_shared(measurements, sample, settings, asked)])
     joined = concatenate(*measurements)
     check_wavelengths(joined, settings)
     usual = asked.starts is None and asked.start is None
@@ -283,8 +164,8 @@ def _general(
     # The noise of a robust loss or a prior is estimated in rounds, one wavelength at a time.
     asked = asked._replace(kept=None)  # other data
     parts = [joined.where(joined.wavelength_um == w) for w in waves]
-    each = [with_verdicts(_shared([part], sample, settings, asked)) for part in parts]
-    return stacked(each, joined)
+    each = [_shared([part], sample, settings, asked) for part in parts]
+    return of_measurement(fits_of(each, (len(each),)), joined)
 
 
 def fit(
@@ -348,4 +229,5 @@ def fit(
     settings = settings_of(free, fixed, bounds, priors, tie)
     asked = FitOptions(errors, intervals, loss, seed, Kept({}, {}), starts, start)
     found = fit_checked(measurements, which, settings, asked)
-    return Fit.of(explained(measurements, which, settings, asked, with_headline(found)))
+    again = partial(fit_checked, measurements)
+    return Fit.of(explained(again, measurements, which, settings, asked, with_headline(found)))

@@ -176,7 +176,7 @@ def _profile(
     """
     job, count = waves.job, waves.curves.count
     dof = max(int(BatchSearch(job, waves.curves).dof.sum()) - 1, 1)
-    estimated = job.asked.scaled or not waves.curves.stated
+    estimated = job.asked.scaled or not waves.curves.stated.all()
     p = _Profile(np.empty(0), np.empty(0), 1.0, dof * estimated, np.empty((job.u.size, 0, count)))
 
     def look(places: np.ndarray) -> None:

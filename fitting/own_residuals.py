@@ -12,16 +12,14 @@ from jax import Array
 
 from fitting.fit_result import Fit
 from fitting.optics.spec import Media, Spec
-from fitting.outcomes.batched import stacked_fits
 from fitting.outcomes.findings import Subject
-from fitting.outcomes.outcome import fit_of
+from fitting.outcomes.of_fit import Ended, fits_of
 from fitting.problem.observations import Observations
 from fitting.problem.problem import FitOptions, Problem
 from fitting.problem.programs import SOLVER, Targets, targets_of, with_slopes
 from fitting.problem.slopes import Slopes
 from fitting.problem.unknowns import Unknowns, unknown_of
 from fitting.process.compiled import compiled, fit_settings
-from fitting.results.result import FitData
 from fitting.samples.parameters import (
     LOG,
     PLAIN,
@@ -171,8 +169,8 @@ def _first_finite(u: Unknowns, targets: Targets, points: np.ndarray) -> tuple[np
 
 def _one(
     u: Unknowns, data: Any, settings: Settings, asked: FitOptions, points: np.ndarray
-) -> FitData:
-    """Return the fit of one set of data."""
+) -> Ended:
+    """Return the fit of one set of data, searched."""
     none = np.empty(0)
     rows = Observations(
         channels=(), curves=(), points=data, values=(), weights=(), ncs=none, ncs_weights=none,
@@ -186,7 +184,7 @@ def _one(
     job.starts, job.first = points.shape[1], first
     job.squares = float(np.nan_to_num(residual @ residual, nan=1.0, posinf=1.0))
     ends, noise = solved(job, points)
-    return fit_of(job, brought_to_rest(job, ends, noise), noise, Subject(None, None))
+    return Ended(job, brought_to_rest(job, ends, noise), noise, Subject(None, None))
 
 
 def fit_residuals(
@@ -252,12 +250,13 @@ def fit_residuals(
         raise ValueError("the data are complex; give their real and imaginary parts as two arrays.")
     data = jax.tree.map(lambda a: np.asarray(a, float), data)
     if not batch:
-        return Fit.of(_one(u, data, settings, asked, points))
+        return Fit.of(fits_of([_one(u, data, settings, asked, points)]))
     sizes = {len(a) if np.ndim(a) else 0 for a in jax.tree.leaves(data)}
     if len(sizes) != 1 or 0 in sizes:
         raise ValueError(
             f"the first axes of the arrays in data have lengths {sorted(sizes)}; with batch=True "
             "one common length above 0 was wanted."
         )
-    each = (jax.tree.map(lambda a, i=i: a[i], data) for i in range(sizes.pop()))
-    return Fit.of(stacked_fits([_one(u, one, settings, asked, points) for one in each]))
+    (count,) = sizes
+    each = (jax.tree.map(lambda a, i=i: a[i], data) for i in range(count))
+    return Fit.of(fits_of([_one(u, one, settings, asked, points) for one in each], (count,)))

@@ -13,9 +13,9 @@ import numpy as np
 
 from fitting.data.measurement import Measurement
 from fitting.optics.instrument import INSTRUMENT
-from fitting.outcomes.batched import of_measurement, stacked_findings
-from fitting.outcomes.findings import on_rows
+from fitting.outcomes.findings import on_rows, stacked_findings
 from fitting.outcomes.of_batch import fit_of_batch
+from fitting.outcomes.of_fit import of_measurement
 from fitting.outcomes.surface_verdicts import OPEN
 from fitting.problem.curve_lanes import Curves, shown_at
 from fitting.problem.evaluation import EachFit, Evaluated, at_data

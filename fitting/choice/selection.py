@@ -45,7 +45,7 @@ from fitting.data.measurement import Measurement, concatenate
 from fitting.data.quantities import are_powers
 from fitting.fits import fit_checked, measurements_of
 from fitting.optics.instrument import INSTRUMENT
-from fitting.outcomes.surface_verdicts import OPEN, with_verdicts
+from fitting.outcomes.surface_verdicts import OPEN
 from fitting.problem.problem import FitOptions, Kept
 from fitting.process.progress import tell
 from fitting.process.side_by_side import side_by_side
@@ -186,13 +186,13 @@ def _of_model(which: Sample, base: Settings, wanted: Sequence[str], fitted: Fitt
         }  # fmt: skip
         bounds = {"scale": (1.0 - MOST_GAIN, 1.0 + MOST_GAIN)} if "scale" in key.free else {}
         settings = base._replace(
-            free=(*base.free, *key.free), variants=tuple(quiet), shared=True,
+            free=(*base.free, *key.free), shared=True,
+            # A k of 0 is assumed here, and not known.
+            variants=(*quiet, *("k",) * key.without_k),
             bounds={**base.bounds, **bounds},
             fixed={**base.fixed, **quiet, **({k: 0.0} if key.without_k else {})},
         )  # fmt: skip
         found = fitted(which.with_model(key.model), settings, asked)
-        if key.without_k:  # assumed here, and not known
-            found = with_verdicts(found)
         shown = {n: e for n, e in found.parameters.items() if n.partition("[")[0] not in quiet}
         return replace(found, parameters=shown)
 

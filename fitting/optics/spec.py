@@ -96,9 +96,9 @@ class Spec(NamedTuple):
         out |= dict(zip(self.held, held_at, strict=True))
         return out | {name: factor * out[of] for name, factor, of in self.tied}
 
-    def numbers(self, y: np.ndarray, held: np.ndarray) -> dict[str, float]:
-        """Return every parameter as a number at unknowns y (p,) and constants (h,)."""
+    def numbers(self, y: np.ndarray, held: np.ndarray) -> dict[str, Any]:
+        """Return every parameter, by its internal name, at unknowns y (p, ...), constants (h,)."""
         pairs = zip(self.moving, self.coordinates, y, strict=True)
-        out = {name: float(value_and_slope(kind, x)[0]) for name, kind, x in pairs}
+        out = {name: value_and_slope(kind, x)[0] for name, kind, x in pairs}
         out |= dict(zip(self.held, held.tolist(), strict=True))
         return out | {name: factor * out[of] for name, factor, of in self.tied}

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from fitting.data.quantities import ANGLES
+from fitting.optics.observe import medium_index
 from fitting.optics.spec import NCS
 from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
@@ -71,33 +72,42 @@ _LEAST, _ERRORS = 1e-3, 3.0
 _LOW_ETA, _LOW_K = 1.25, 0.1
 
 
+CONSTANT = Model("constant", 1)
 # An index that rises over the spectrum by more than this is none of a material that is clear there,
 # and none of these has a higher one.
 _RISE, _CLEAR, _HIGHEST = 0.02, 1e-3, 6.0
 
 
-def of_a_solid(fit: Problem, y: np.ndarray) -> bool:
-    """Whether all fitted indices at y (p,) can be those of compact solids, where these were seen.
+def index_at(fit: Problem, medium: int, y: np.ndarray, wavelength_um: np.ndarray) -> Any:
+    """Return eta and k (W, L) of a medium at wavelengths (W,) and unknowns y (L, p)."""
+    u, size = fit.u, len(y)
+    values = u.spec.numbers(y.T, u.held)
+    if u.spec.media.index[medium] == CONSTANT:  # without a program
+        own = (values[f"{u.spec.media.places[medium]}.{part}"] for part in ("eta", "k"))
+        return tuple(np.broadcast_to(x, (len(wavelength_um), size)) for x in own)
+    lanes: Any = {n: np.broadcast_to(x, size) for n, x in values.items()}
+    with fit_settings():
+        return tuple(map(np.asarray, medium_index(u.spec, medium, lanes, wavelength_um[:, None])))
+
+
+def of_solids(fit: Problem, y: np.ndarray) -> np.ndarray:
+    """Return whether all fitted indices at y (L, p) can be those of solids, where measured.
 
     That is from 1.25 (see `_low`) to 6 (lead telluride) where little absorbs, without a rise with
     the wavelength where nothing does (see `_rising`). A film on a substrate of index m reflects
     along the normal as one of index m / eta does: 1.39 on glass as 1.09.
     """
     u, waves = fit.u, np.unique(fit.seen.points.wavelength_um[fit.seen.measured, 0])
-    values = u.spec.numbers(y, u.held)
-    for place, model in zip(u.spec.media.places, u.spec.media.index, strict=True):
-        head = f"{place}."
-        names = {n for n in u.spec.moving if n.startswith(head) and "thickness" not in n}
-        if not isinstance(model, Model) or not names:
+    out = np.ones(len(y), bool)
+    for i, (place, model) in enumerate(zip(u.spec.media.places, u.spec.media.index, strict=True)):
+        fitted = any(n.startswith(f"{place}.") and "thickness" not in n for n in u.spec.moving)
+        if not isinstance(model, Model) or not fitted:
             continue
-        own: Any = {n.removeprefix(head): np.float64(v) for n, v in values.items() if head in n}
-        with fit_settings():
-            eta, k = (np.broadcast_to(a, waves.shape) for a in model.index(own, waves))  # pyright: ignore
-        rise = np.maximum(np.diff(eta), 0.0)[np.maximum(k[1:], k[:-1]) < _CLEAR].sum()
-        clear = eta[k < _LOW_K]
-        if rise > _RISE or (clear < _LOW_ETA).any() or (clear > _HIGHEST).any():
-            return False
-    return True
+        eta, k = index_at(fit, i, y, waves)
+        clear = np.maximum(k[1:], k[:-1]) < _CLEAR
+        rise = np.where(clear, np.maximum(np.diff(eta, axis=0), 0.0), 0.0).sum(0)
+        out &= (rise <= _RISE) & ((k >= _LOW_K) | ((eta >= _LOW_ETA) & (eta <= _HIGHEST))).all(0)
+    return out
 
 
 def implausible_indices(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -29,14 +29,14 @@ from fitting.results.result_parts import (
     PROFILE,
     QUADRATIC,
     UNDETERMINED,
-    Alternative,
     Estimate,
 )
+from fitting.results.sentences import SENTENCES
 from fitting.samples.dispersion import CAUCHY_NAMES, Model
 from fitting.samples.known_media import Mixture
 from fitting.samples.sample import Sample
 from fitting.uncertainty.covariance import End
-from fitting.uncertainty.intervals import OFF, Intervals
+from fitting.uncertainty.intervals import OFF
 
 # Parameters of one formula (A, B and C of Cauchy's) are usually correlated, which does no harm. A
 # parameter of the instrument that is correlated with the index does (angle offset of the gold scan:
@@ -73,23 +73,6 @@ class Subject(NamedTuple):
     def films(self) -> bool:
         """Whether the sample has a layer whose reflections interfere."""
         return self.sample is not None and self.sample.films
-
-
-class Found(NamedTuple):
-    """The best minimum with its intervals, and the others.
-
-    reached: the number of starts that ended there. lower: by how much chi2 is lower at a fit near
-    the minimum whose own minimum was not reached; 0 if there is none. fringeless: the values of the
-    warning if the fringes of the best minimum are no larger than those of noise.
-    """
-
-    end: End
-    known: Intervals
-    others: tuple[Alternative, ...]
-    reached: int
-    lower: float
-    failed: bool
-    fringeless: dict[str, Any] | None
 
 
 def _finding(code: str, **values: Any) -> Finding:
@@ -441,24 +424,49 @@ def findings_of_all(
 
 
 def findings(
-    fit: Problem, of: Subject, f: Found, known: Mapping[str, Estimate], correlation: np.ndarray
-) -> list[Finding]:
-    """Return the further findings on a single fit.
-
-    known: the free parameters; correlation: (P, P) of them. An undetermined combination has a
-    valley of equal chi2, which is one solution: starts end anywhere in it.
-    """
-    end, free = f.end, fit.u.free
+    fit: Problem, of: Subject, end: End, lower: float, fringeless: dict[str, Any] | None,
+    found: FitData,
+) -> list[Finding]:  # fmt: skip
+    """Return the further findings on a single fit; see `of_fit.Found`."""
+    known = {n: e for n, e in found.parameters.items() if e.free}
     out = []
-    if f.fringeless is not None:
-        out.append(_finding("fringes_in_noise", **f.fringeless))
+    if fringeless is not None:
+        out.append(_finding("fringes_in_noise", **fringeless))
     if of.measurement is not None and of.films:
-        out += _thin_film(known, correlation, float(np.nanmin(of.measurement.wavelength_um)))
+        shortest = float(np.nanmin(of.measurement.wavelength_um))
+        out += _thin_film(known, found.correlation, shortest)
     out += _on_measured(fit, of, end)
-    if f.lower:
-        out.append(_finding("better_minimum_met", by=f.lower, more=4 * fit.starts))
-    out += not_quadratic(known, f.known.quadratic[free])
+    if lower:
+        out.append(_finding("better_minimum_met", by=lower, more=4 * fit.starts))
     out += _contradicted_priors(fit, known)
     if "angle_offset" in known and abs(known["angle_offset"].value) > PLAUSIBLE_OFFSET_DEG:
         out.append(_finding("implausible_offset", value=known["angle_offset"].value))
     return out
+
+
+# What may be tried on one fit and not on one of many, which take one value for all.
+_OF_ONE: dict[str, Any] = {
+    "alone": False, "own": (), "measured": (), "as_it_is": False, "hold": None,
+}  # fmt: skip
+
+
+def stacked_findings(fits: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
+    """Return the findings on each of many fits as those on all, the most serious first."""
+    out = []
+    for code in SENTENCES:
+        # A code may come more than once (a limit for each of two parameters).
+        each = [[x for x in own if x.code == code] for own in fits]
+        for i in range(max(map(len, each))):
+            at = np.array([len(own) > i for own in each])
+            names = {name for own in each if len(own) > i for name in own[i].values}
+            values: dict[str, Any] = {}
+            for name in sorted(names):
+                if name in _OF_ONE:
+                    values[name] = _OF_ONE[name]
+                    continue
+                column = np.empty(len(fits), dtype=object)
+                for j, own in enumerate(each):
+                    column[j] = own[i].values.get(name) if len(own) > i else None
+                values[name] = column
+            out.append(Finding(code, at, values))
+    return tuple(out)

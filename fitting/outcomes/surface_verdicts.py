@@ -19,21 +19,23 @@ import jax
 import numpy as np
 
 from fitting.data.quantities import REFLECTED
-from fitting.outcomes.outcome import Shaped
+from fitting.outcomes.doubtful_index import CONSTANT, index_at
+from fitting.outcomes.outcome import Solutions
 from fitting.problem.curve_lanes import shown_at
-from fitting.problem.evaluation import Evaluated
+from fitting.problem.problem import Problem
+from fitting.problem.programs import Targets
 from fitting.problem.unknowns import Unknowns
 from fitting.process.side_by_side import side_by_side
-from fitting.residuals.residuals import residuals
+from fitting.residuals.pattern import repeats
 from fitting.results import result_parts as status
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import FitData
 from fitting.results.result_parts import Estimate
 from fitting.samples.dispersion import Model
-from fitting.samples.parameters import from_parameter, value_and_slope
+from fitting.samples.parameters import from_parameter
 from fitting.searching.batch_search import BatchSearch
 from fitting.searching.minima import scatters
-from fitting.uncertainty.covariance import Uncertainty
+from fitting.uncertainty.covariance import End
 from fitting.uncertainty.limits import ROUNDING
 
 OPEN = ("perfect_mirror", "circle", "same_at_45_degrees", "combination")
@@ -58,39 +60,26 @@ _SMALL_PART, _STEPS_IN_K = 0.1, 6
 _LEAST_RMS, _MOST_A, _CHANCE, _NORMAL_95 = 0.85, 0.3, 0.01, 1.645
 _FLAT_DEG = 30.0
 _BLOCK = 256  # curves that are looked at together: their arrays fit in the cache
-# A first look at the other end of the circle that promises more than so many times what is allowed
-# is the last, and is taken at so many of the data.
-_FAR_ABOVE, _FEW = 100.0, 8
 # Of solids that transmit light tellurium has the highest index, 6.3 (S. Caldwell and H. Y. Fan,
 # Physical Review 114, 664 (1959)).
 _MOST_LOSSLESS = 7.0
-_OF_MODEL, _CONSTANT = "by_the_model_alone", Model("constant", 1)
+_OF_MODEL = "by_the_model_alone"
 
 
 def _powers(
     cos: np.ndarray, s: np.ndarray, n: np.ndarray, k: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return R = s R_s + (1 - s) R_p of indices (N,), (N, M), and its derivatives by n and k.
-
-    In real numbers, as `fresnel_jax.powers` for fits: complex ones take half as long again.
-    """
-    n, k, square, sine2 = n[:, None], k[:, None], cos * cos, 1.0 - cos * cos
-    x, y = n * n - k * k - sine2, 2.0 * n * k  # Q^2, with Q = a + ib
-    rho = np.sqrt(x * x + y * y) + 1e-150
-    large = np.sqrt(0.5 * (rho + np.abs(x)))
-    small = 0.5 * y / large
-    a, b = np.where(x >= 0.0, large, small), np.where(x >= 0.0, small, large)
-    A, B, C = square + rho, 2.0 * cos * a, square * rho + sine2 * sine2
-    D = sine2 * B
-    per_s, per_p = 1.0 / (A + B), 1.0 / (C + D)
-    R_s = ((cos - a) ** 2 + b * b) * per_s
-    share = ((cos * a - sine2) ** 2 + square * b * b) * per_p
-    both, u, v = s + (1.0 - s) * share, n / rho, k / rho
-    of_s, of_p = 2.0 * both * per_s * per_s, 2.0 * (1.0 - s) * R_s * per_p * per_p
-    of_rho, of_a = of_s * B + of_p * D * square, 2.0 * cos * (of_s * A + of_p * C * sine2)
-    by_n = 2.0 * of_rho * (x * u + y * v) - of_a * (a * u + b * v)
-    by_k = 2.0 * of_rho * (y * u - x * v) - of_a * (b * u - a * v)
-    return both * R_s, by_n, by_k
+    """Return R = s R_s + (1 - s) R_p of indices (N,), (N, M), and its derivatives by n and k."""
+    N = (n + 1j * k if k.any() or (n < 1.0).any() else n)[:, None]  # real ones take half the time
+    square = N * N
+    q = np.sqrt(square - (1.0 - cos * cos))
+    of_s, of_p, slope = 1.0 / (cos + q), 1.0 / (square * cos + q), N / q
+    r_s, r_p = (cos - q) * of_s, (square * cos - q) * of_p
+    by_s = -2.0 * cos * slope * of_s * of_s
+    by_p = 2.0 * cos * (2.0 * N * q - square * slope) * of_p * of_p
+    s_, p_ = s * r_s.conj(), (1.0 - s) * r_p.conj()
+    by = 2.0 * (s_ * by_s + p_ * by_p)
+    return (s_ * r_s + p_ * r_p).real, by.real, -by.imag
 
 
 def _xi(n: np.ndarray, k: np.ndarray) -> np.ndarray:
@@ -199,7 +188,7 @@ def _only_a_product(d: Surface, most: np.ndarray) -> np.ndarray:
 
 @np.errstate(all="ignore")
 def verdicts(
-    d: Surface, eta_i: np.ndarray, scatter: np.ndarray, dof: np.ndarray, stated: bool
+    d: Surface, eta_i: np.ndarray, scatter: np.ndarray, dof: np.ndarray, stated: np.ndarray
 ) -> Verdicts:
     """Return what the data leave open of the index. All arrays (N,).
 
@@ -286,77 +275,128 @@ def verdicts(
 
 
 def _place(u: Unknowns) -> list[int] | None:
-    """Return which unknowns are eta and k of one boundary, if nothing but the data tells them."""
+    """Return which unknowns are eta and k, if nothing but the data tells them."""
     free = [n.rpartition(".")[2] if w.free and not w.prior else ""
             for n, w in zip(u.spec.moving, u.moving, strict=True)]  # fmt: skip
-    one = len(u.spec.media.index) == 1 and set(u.spec.channels) <= set(REFLECTED)
-    return [free.index("eta"), free.index("k")] if one and {"eta", "k"} <= {*free} else None
+    return [free.index("eta"), free.index("k")] if {"eta", "k"} <= {*free} else None
 
 
 def _with_index(u: Unknowns, y: np.ndarray, v: Verdicts) -> np.ndarray:
     """Return y (n, p) with the index that is shown, where there is another one."""
     out, new = y.copy(), (v.open | v.none) & np.isfinite(v.eta)
-    for i, x in zip(_place(u) or (), (v.eta, v.k), strict=True):
+    for i, x in zip(_place(u) or (), (v.eta, v.k), strict=False):  # none of a model
         w = u.moving[i]
         x = from_parameter(w.parameter.coordinate, np.clip(x, w.low, w.high))
         out[:, i] = np.where(new, x, y[:, i])
     return out
 
 
+def _asked(fit: Problem) -> bool:
+    """Whether a fit is one of powers of a bare surface, of whose index nothing else is known."""
+    media, known = fit.u.spec.media, {*fit.settings.names} - {*fit.settings.variants}
+    return (
+        len(media.index) == 1 and media.bare and isinstance(media.index[0], Model)
+        and {*fit.u.spec.channels} <= {*REFLECTED}
+        and not {"eta", "k"} & {n.rpartition(".")[2] for n in known}
+    )  # fmt: skip
+
+
+@np.errstate(all="ignore")
 def verdicts_of_batch(
-    search: BatchSearch, which: np.ndarray, y: np.ndarray, known: Uncertainty, cost: np.ndarray,
-    scatter: np.ndarray,
-) -> tuple[np.ndarray, Verdicts, np.ndarray] | None:  # fmt: skip
-    """Return which of the curves ``which`` (n,) were asked, the verdicts, and y to be shown.
+    search: BatchSearch, m: Solutions, scatter: np.ndarray
+) -> tuple[np.ndarray, Verdicts, np.ndarray] | None:
+    """Return which of n curves were asked, the verdicts on them, and y to be shown.
 
-    y (n, p), known, cost: at their minima. Most curves determine their index, as errors show.
+    Most curves determine their index, as errors show.
     """
-    u, curves = search.job.u, search.curves
-    place = _place(u)
-    if place is None:
+    u, curves, which, ask = search.job.u, search.curves, m.which, np.ones(len(m.which), bool)
+    if not _asked(search.job):
         return None
-    i, j = place
-    eta, k = y[:, i], value_and_slope(u.moving[j].parameter.coordinate, y[:, j])[0]
-    outside, angle = curves.outside[which], curves.of_points("angle_deg", which)
-    values = np.concatenate([v[which] for v in curves.values.values()], 1)
-    spread, square = known.edge[:, i] * np.sqrt(known.variance) / eta, np.nanmean(values**2, 1)
-    ask = known.hidden.any(1) | ~(spread < 0.5 * _VAGUE) | (square > _LEAST_RMS**2)
-    ask |= (curves.squares[which] <= cost + 2.0 * _THE_SAME * scatter) | (angle.max(1) < _FLAT_DEG)
-    at = np.flatnonzero(ask | (eta < outside))
+    outside, stated, dof = curves.outside[which], curves.stated[which], search.dof[which]
+    if place := _place(u):
+        eta = m.y[:, place[0]]
+        values = np.concatenate([v[which] for v in curves.values.values()], 1)
+        spread = m.known.edge[:, place[0]] * np.sqrt(m.known.variance) / eta
+        ask = m.known.hidden.any(1) | ~(spread < 0.5 * _VAGUE) | (eta < outside)
+        ask |= np.nanmean(values**2, 1) > _LEAST_RMS**2
+        ask |= m.squares <= m.cost + 2.0 * _THE_SAME * scatter
+        ask |= curves.of_points("angle_deg", which).max(1) < _FLAT_DEG
+        if not ask.any():
+            return None
 
-    @np.errstate(all="ignore")  # each thread has its own
-    def asked_of(some: np.ndarray) -> tuple[np.ndarray, Verdicts]:
-        targets = curves.targets(which[some])
-        value, weight = (np.concatenate(a).T for a in (targets.values, targets.weights))
-        shares = {"R_s": 1.0, "R_p": 0.0, "R": curves.of_points("s_share", which[some])}
-        share = [np.broadcast_to(shares[c], angle[some].shape) for c in u.spec.channels]
-        angles = np.tile(angle[some], len(share))
-        fitted = shown_at(u.spec, curves, y[some].T, which[some]).reshape(value.shape)
-        miss, used = weight * (fitted - value), weight.any(0)
-        columns = np.stack([angles, np.concatenate(share, 1), weight, miss])[..., used]
-        n, k_, most = (a[some] for a in (eta / outside, k / outside, cost + _ALIKE * scatter))
-        # Of metals nearly none passes a first look at the other end of the circle, by a few data.
-        few = Surface.of(columns[..., :: max(used.sum() // _FEW, 1)], n, k_)
-        end, _ = few.lossless(_xi(n, k_))
-        keep = ask[some] | (end < _FAR_ABOVE * most)
-        some, d = some[keep], Surface.of(columns[:, keep], n[keep], k_[keep])
-        m = outside[some]
-        return some, verdicts(d, m, scatter[some], search.dof[which[some]], curves.stated)
+    def asked_of(some: np.ndarray) -> Verdicts:
+        shown = shown_at(u.spec, curves, m.y[some].T, which[some])
+        each = (a[some] for a in (m.y, outside, scatter, dof, stated))
+        return _verdicts_at(search.job, curves.targets(which[some]), shown, *each)
 
-    if not len(at):
-        return None
+    at = np.flatnonzero(ask)
     parts = side_by_side(asked_of, np.split(at, range(_BLOCK, len(at), _BLOCK)))
-    asked, v = jax.tree.map(lambda *a: np.concatenate(a), *parts)
-    return asked, v, _with_index(u, y[asked], v)
+    v = jax.tree.map(lambda *a: np.concatenate(a), *parts)
+    return at, v, _with_index(u, m.y[at], v)
 
 
-def marked(found: FitData, v: Verdicts, put: Callable[..., Any], index: bool = True) -> FitData:
+@np.errstate(all="ignore")
+def verdicts_of_fit(fit: Problem, end: End, noise: float) -> tuple[Verdicts | None, np.ndarray]:
+    """Return the verdicts on a single fit, None if it was not asked, and y (p,) to be shown."""
+    targets, square = fit.targets, float(np.sum((end.slopes.residual / noise) ** 2))
+    if not _asked(fit) or np.ndim(targets.eta_i):
+        return None, end.y
+    targets = targets._replace(weights=tuple(w / noise for w in targets.weights))
+    scatter, _ = scatters(square, fit.dof, fit.asked.scaled, fit.seen.stated)
+    each = (np.array([a]) for a in (targets.eta_i, scatter, fit.dof, fit.seen.stated))
+    v = _verdicts_at(fit, targets, end.slopes.seen[None], end.y[None], *each)
+    return v, _with_index(fit.u, end.y[None], v)[0]
+
+
+@np.errstate(all="ignore")  # each thread has its own
+def _verdicts_at(
+    fit: Problem, targets: Targets, shown: np.ndarray, y: np.ndarray, outside: np.ndarray,
+    scatter: np.ndarray, dof: np.ndarray, stated: np.ndarray,
+) -> Verdicts:  # fmt: skip
+    """Return the verdicts on n fits at y (n, p), whose channels show ``shown`` (n, K, M).
+
+    Of a dispersion model each wavelength is asked alone. Where all of them are open, wavelengths
+    tell of each other through the model.
+    """
+    constant, points, one = fit.u.spec.media.index[0] == CONSTANT, targets.points, shown.shape[::2]
+    value, weight = (np.concatenate(a).T for a in (targets.values, targets.weights))
+    shares = {"R_s": 1.0, "R_p": 0.0, "R": np.transpose(points.s_share)}
+    share = [np.broadcast_to(shares[c], one) for c in fit.u.spec.channels]
+    angle = [np.broadcast_to(np.transpose(points.angle_deg), one)] * len(share)
+    miss = weight * (shown.reshape(value.shape) - value)
+    used = weight.any(0)
+    columns = np.stack([np.concatenate(a, 1) for a in (angle, share)] + [weight, miss])[..., used]
+    waves = np.tile(np.asarray(points.wavelength_um)[:, 0], len(share))[used]
+    waves, which = np.unique(np.where(constant, 1.0, waves), return_inverse=True)
+    eta, k = (a.T.ravel() for a in index_at(fit, 0, y, waves))
+    n, size = len(y), len(waves)
+    if size > 1:
+        slot, rows = repeats(which), columns
+        columns = np.zeros((4, n, size, slot.max() + 1))
+        columns[:, :, which, slot] = rows
+        columns = columns.reshape(4, n * size, -1)
+    eta_i, scatter, dof, stated = (np.repeat(a, size) for a in (outside, scatter, dof, stated))
+    v = verdicts(Surface.of(columns, eta / eta_i, k / eta_i), eta_i, scatter, dof, stated)
+    if constant:
+        return v
+    eta, open_ = eta.reshape(n, size), v.open.reshape(n, size).all(1)
+    absorbs = k.reshape(n, size).any(1)
+    v = jax.tree.map(lambda a: a[np.arange(n) * size + eta.argmax(1)], v)
+    told = open_ & ~absorbs & (eta.max(1) >= _MOST_LOSSLESS)
+    codes = {code: at & told for code, at in v.codes.items()}
+    return v._replace(
+        codes={**codes, _OF_MODEL: open_ & absorbs}, values={**v.values, _OF_MODEL: {}},
+        open=told, none=v.none & told,
+    )  # fmt: skip
+
+
+def marked(found: FitData, v: Verdicts, put: Callable[..., Any]) -> FitData:
     """Return fits with the verdicts on some of them. put: gives arrays the shape of the batch.
 
-    index: whether eta and k are parameters, which keep their ranges by profile.
+    Of eta and k that are parameters the ranges by profile are kept.
     """
     open_, none = put(v.open, False), put(v.none, False)
-    blank = np.logical_or(open_, none)
+    blank, index = np.logical_or(open_, none), _OF_MODEL not in v.codes
 
     def estimate(name: str, e: Estimate) -> Estimate:
         if not e.free:
@@ -378,60 +418,17 @@ def marked(found: FitData, v: Verdicts, put: Callable[..., Any], index: bool = T
             )[()],
         )  # fmt: skip
 
-    told = [Finding(f.code, f.at & ~np.where(np.isin(f.code, _OF_SLOPES), blank, open_), f.values)
-            if f.code not in _OF_DATA else f for f in found.findings]  # fmt: skip
-    for code, at in v.codes.items():
-        told.append(Finding(code, put(at, False), {n: put(a) for n, a in v.values[code].items()}))
+    hidden = {**dict.fromkeys(_OF_SLOPES, blank), **dict.fromkeys(_OF_DATA, False)}
+    new = [
+        Finding(code, put(at, False), {n: put(a) for n, a in v.values[code].items()})
+        for code, at in v.codes.items()
+    ]
+    hidden |= {f.code: f.at for f in new}
+    told = [replace(f, at=f.at & np.logical_not(hidden.get(f.code, open_))) for f in found.findings]
     return replace(
         found, parameters={n: estimate(n, e) for n, e in found.parameters.items()},
         covariance=np.where(np.asarray(blank)[..., None, None], np.nan, found.covariance),
         status=np.select([open_, none], [status.UNDETERMINED, status.CONVERGED], found.status)[()],
-        findings=ranked(f for f in told if np.any(f.at)),
+        findings=ranked(f for f in (*told, *new) if np.any(f.at)),
         others=() if np.all(open_) else found.others,
     )  # fmt: skip
-
-
-@np.errstate(all="ignore")
-def with_verdicts(found: FitData) -> FitData:
-    """Return one fit, undetermined where its data fit many indices of a bare surface equally well.
-
-    Of a dispersion model each wavelength is asked alone.
-    """
-    sample, m = found.sample, found.measurement
-    if found.shape or sample is None or m is None or found.evaluator is None:
-        return found
-    if not (sample.bare and sample.media[1].unknown):
-        return found
-    if not np.isin(m.quantity, REFLECTED).all() or not np.isfinite(sample.eta_i):
-        return found
-    one_index = sample.by_wavelength or sample.media[1].index == _CONSTANT
-    waves = np.zeros(len(m)) if one_index else m.wavelength_um
-    _, which, count = np.unique(waves, return_inverse=True, return_counts=True)
-    order = np.argsort(which, kind="stable")
-    slot = np.empty(len(m), int)
-    slot[order] = np.arange(len(m)) - (np.cumsum(count) - count)[which[order]]
-    stated = found.errors.stated
-    weight = 1.0 / (found.noise * (m.sigma if stated else np.ones(len(m))))
-    share = np.select([m.quantity == "R_s", m.quantity == "R_p"], [1.0, 0.0], m.s_share)
-    miss = -residuals(m, found.fitted) * weight
-    rows = np.zeros((4, len(count), count.max()))
-    rows[:, which, slot] = m.angle_deg, share, weight, miss
-    scatter = scatters(miss @ miss, found.dof, found.errors.taken != "stated", stated)[0]
-    eta, k, eta_i = np.ravel(found.eta), np.ravel(found.k), np.full(len(count), sample.eta_i)
-    v = verdicts(Surface.of(rows, eta / eta_i, k / eta_i), eta_i, np.full(len(eta), scatter),
-                 np.full(len(eta), found.dof), stated)  # fmt: skip
-    first = int(np.argmax(eta))
-    if not one_index:
-        if not v.open.all():
-            return found
-        if k.any():
-            kept = [f for f in found.findings if f.code != _OF_MODEL]
-            return replace(found, findings=ranked((*kept, Finding(_OF_MODEL, np.True_, {}))))
-        if eta.max() < _MOST_LOSSLESS:
-            return found
-    v = jax.tree.map(lambda a: a[first : first + 1], v)
-    out = marked(found, v, Shaped((), 1, np.zeros(1, int)), one_index)
-    e = found.evaluator
-    if isinstance(e, Evaluated) and _place(e.unknowns):
-        out = replace(out, evaluator=e._replace(y=_with_index(e.unknowns, e.y[None], v)[0]))
-    return out

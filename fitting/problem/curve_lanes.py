@@ -63,9 +63,10 @@ class Curves:
         return LANES if self.own else min(LANES, max(_FEW, 1 << (self.count - 1).bit_length()))
 
     @property
-    def stated(self) -> bool:
-        """Whether every datum has an error."""
-        return self.sigma is not None
+    def stated(self) -> np.ndarray:
+        """Which curves have errors of their data, (N,); the others have equal weights."""
+        known = [np.isfinite(s).any(1) for s in (self.sigma or {}).values()]
+        return np.any(known or [np.zeros(self.count)], 0)
 
     @property
     def n_data(self) -> np.ndarray:
@@ -193,7 +194,7 @@ class Slopes(NamedTuple):
     residuals, both weighted: what of the rows counts in sums over them; 0 of lanes that are not
     finite, of which the cost is infinite. plain, counts: (n, C) by channel the sum of squares of
     the differences from the data, and how many there are. together: (n,) the sum of squares of the
-    sums of four residuals side by side, which is the cost where these are noise.
+    sums of four residuals side by side, which is the cost where these are noise. shown: (n, K, M).
     """
 
     triangle: np.ndarray
@@ -201,6 +202,7 @@ class Slopes(NamedTuple):
     plain: np.ndarray
     counts: np.ndarray
     together: np.ndarray
+    shown: np.ndarray
 
 
 def _evaluations(
@@ -219,7 +221,7 @@ def _evaluations(
 @fit_settings()
 def slopes(spec: Spec, curves: Curves, y: np.ndarray, which: np.ndarray) -> Slopes:
     """Return the `Slopes` at y (p, L) of the curves ``which``, (L,)."""
-    calls = [found[:-1] for found in _evaluations(spec, curves, y, which)]
+    calls = _evaluations(spec, curves, y, which)
     return Slopes(*map(np.concatenate, zip(*calls, strict=True)))
 
 

@@ -116,7 +116,8 @@ def data_of(
     values: (M, L) by quantity, NaN where it was not measured; sigma: their errors.
     """
     known = {q: np.isfinite(v) for q, v in values.items()}
-    errors = {q: np.where(k, sigma[q] if sigma else 1.0, 1.0) for q, k in known.items()}
+    given = {q: sigma[q] if sigma else np.ones(()) for q in values}
+    errors = {q: np.where(known[q] & np.isfinite(e), e, 1.0) for q, e in given.items()}
     alone = [c for c in channels if c != NCS]
     out: dict[str, Any] = {
         "values": tuple(np.where(known[q], values[q], 0.0) for q in alone),

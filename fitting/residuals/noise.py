@@ -23,7 +23,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import fdtrc, fdtri
 
-from fitting.data.measurement import Measurement
 from fitting.data.scatter import differences
 
 # For white noise the mean square of differences of three neighbours scatters like a mean of this
@@ -50,16 +49,19 @@ class Noise(NamedTuple):
 def neighbour_noise(position: np.ndarray, value: np.ndarray) -> Noise:
     """Return the noise of each curve, (L,): root mean square of differences of three neighbours.
 
-    position, value: (L, M), NaN where there is no datum; positions in any order. Repeats of one
-    position count as neighbours of each other.
+    position: (M,) or (L, M), in any order. value: (L, M), NaN where there is no datum. Repeats of
+    one position count as neighbours of each other.
     """
     position, value = (np.atleast_2d(np.asarray(a, float)) for a in (position, value))
-    position, value = np.broadcast_arrays(position, value)
-    if value.shape[1] < 3:
-        none = np.zeros(len(value), int)
-        return Noise(np.full(len(value), np.nan), none)
+    count, size = value.shape
+    if size < 3:
+        return Noise(np.full(count, np.nan), np.zeros(count, int))
     with np.errstate(all="ignore"):
-        square = differences(position, value, 3) ** 2
+        if len(position) == 1 and count > size and np.isfinite(value).all():
+            # Differences at the same positions are the same linear function of the values.
+            square = (value @ differences(position, np.eye(size), 3)) ** 2
+        else:
+            square = differences(np.broadcast_to(position, value.shape), value, 3) ** 2
         triples = np.isfinite(square).sum(1)
         sigma = np.sqrt(np.nansum(square, axis=1) / np.maximum(triples, 1))
     return Noise(np.where(triples > 0, sigma, np.nan), triples)
@@ -117,32 +119,41 @@ def misfit(position: np.ndarray, value: np.ndarray, residual: np.ndarray) -> Mis
 _DIFFER = 6.0
 
 
-def scatter_of_each(m: Measurement, curve: np.ndarray, residual: np.ndarray) -> np.ndarray | None:
-    """Return the noise of the curve of each datum, (N,); None if all curves may have the same one.
+@np.errstate(all="ignore")
+def scatter_of_each(
+    angle_deg: np.ndarray, wavelength_um: np.ndarray, curve: np.ndarray, value: np.ndarray,
+    residual: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Return the noise of the curve of each datum, (N, D); NaN in fits whose curves may have one.
 
-    curve: (N,), the number of the quantity of a file. residual: (N,). The noise is that of
-    neighbours along the wavelength, or along the angle: what the fit misses smoothly is not in it,
-    so that it does not depend on which minimum was found.
+    angle_deg: (D,) or (N, D). wavelength_um, curve: (D,), the number of the quantity of a file.
+    value, residual: (N, D) of N fits, NaN where there is none. The noise is that of neighbours
+    along the wavelength, or along the angle: what the fit misses smoothly is not in it, so that it
+    does not depend on which minimum was found.
     """
+    value, residual = np.broadcast_arrays(value, residual)
+    out, angle_deg = np.full(residual.shape, np.nan), np.atleast_2d(angle_deg)
     if not curve.any():
-        return None
-    spectral = len(np.unique(m.wavelength_um)) > 1
-    axis, other = (m.wavelength_um, m.angle_deg)[:: 1 if spectral else -1]
-    other = np.nan_to_num(other)
-    noise, least, count = np.empty((3, curve.max() + 1))
+        return out
+    axis, other = np.atleast_2d(wavelength_um), angle_deg[0]
+    if len(np.unique(wavelength_um)) == 1:
+        axis, other = angle_deg, np.zeros(len(curve))
+    square, least, count = np.zeros((3, curve.max() + 1, len(residual)))
+    for c, at in {*zip(curve.tolist(), other.tolist(), strict=True)}:
+        rows = np.flatnonzero((curve == c) & (other == at))
+        sigma, size = neighbour_noise(axis[:, rows], residual[:, rows])
+        square[c] += np.nan_to_num(sigma**2 * size)
+        count[c] += size
+    noise, enough = np.sqrt(square / count), count.min(0)
+    apart = 1.0 + _DIFFER / np.sqrt(enough)
+    some = np.flatnonzero((enough >= _LEAST_TRIPLES) & (noise.max(0) > noise.min(0) * apart))
     for c in range(len(noise)):
-        here = np.flatnonzero(curve == c)
-        lines = [here[other[here] == at] for at in np.unique(other[here])]
-        each = [neighbour_noise(axis[rows], residual[rows]) for rows in lines]
-        square, size = np.transpose([(s[0] ** 2, n[0]) for s, n in each])
-        if (total := size.sum()) < _LEAST_TRIPLES:
-            return None
-        count[c], least[c] = total, rounding(m.value[here][None])[0]
-        noise[c] = np.sqrt(np.nansum(square * size) / total)
-    seen = noise > least
-    noise = np.maximum(noise, least)
-    differ = noise.max() > noise.min() * (1.0 + _DIFFER / np.sqrt(count.min()))
-    return noise[curve] if differ and seen[noise.argmax()] else None
+        least[c, some] = rounding(value[some][:, curve == c])
+    seen, noise = noise > least, np.maximum(noise, least)
+    differ = np.take_along_axis(seen, noise.argmax(0)[None], 0)[0, some]
+    some = some[differ & (noise.max(0) > noise.min(0) * apart)[some]]
+    out[some] = noise.T[some][:, curve]
+    return out
 
 
 # The degree of the smooth functions: Chebyshev polynomials of the position, of each curve its own.

@@ -73,7 +73,7 @@ def _neighbours(groups: tuple[np.ndarray, ...], along: np.ndarray) -> np.ndarray
     return np.stack([first[same], second[same]], axis=1)
 
 
-def _repeats(*place: np.ndarray) -> np.ndarray:
+def repeats(*place: np.ndarray) -> np.ndarray:
     """Return of each datum how often its place came before."""
     which = np.unique(np.stack(place), axis=1, return_inverse=True)[1].ravel()
     order = np.argsort(which, kind="stable")
@@ -119,7 +119,7 @@ def pattern(
         ("wavelength", wavelength, (m.angle_deg, *together)),
         ("angle", m.angle_deg, (wavelength, *together)),
     ]
-    scan = _repeats(m.angle_deg, wavelength, *together)
+    scan = repeats(m.angle_deg, wavelength, *together)
     if scan.any():
         # Of scans in one table each by itself, too: one may lie above the curve, the other below.
         ways += [(name, along, (*groups, scan)) for name, along, groups in ways]

@@ -357,7 +357,8 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
         lambda v: f"the fitted curve misses the data by {v['rms']:.4g} (rms)" + (
             f", {v['rms'] / v['noise']:.2g} times the noise estimated from neighbouring points "
             f"({v['noise']:.4g})" if v.get("noise", np.nan) > 0.0 else ""
-        ) + f": {v['sample']} does not describe them.", _instrument_errors),
+        ) + f": {v['sample']} does not describe them."
+        + " For the cause fit this curve alone (fit)." * v.get("alone", False), _instrument_errors),
     "explained_by": (_explained_by, _with_explanation),
     "residuals_in_order": (
         lambda v: "the residuals are autocorrelated along the {along} (lag-1 correlation "

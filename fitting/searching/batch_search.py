@@ -99,11 +99,9 @@ class BatchSearch:
         """
         best, stated = self.best, self.curves.stated
         reduced = best.cost / np.maximum(self.dof, 1)
-        if stated:
-            far = beyond_chance(reduced, self.dof)[0]
-        else:
-            far = reduced > _FAR * (np.median(reduced[best.done]) if best.done.any() else 0.0)
-        return ~best.done | np.where(self.dof > 0, far, best.cost > (1.0 if stated else 1e-6))
+        usual = np.median(reduced[best.done]) if best.done.any() else 0.0
+        far = np.where(stated, beyond_chance(reduced, self.dof)[0], reduced > _FAR * usual)
+        return ~best.done | np.where(self.dof > 0, far, best.cost > np.where(stated, 1.0, 1e-6))
 
     def from_neighbours(self, beside: np.ndarray, also: Any = False) -> None:
         """Try the curves that are not described from the minima beside them, while it helps.

@@ -42,7 +42,7 @@ def alternative_chi2(dof: Any) -> Any:
 
 
 def scatters(
-    cost: Any, dof: Any, scaled: bool, stated: bool, pooled: float | None = None
+    cost: Any, dof: Any, scaled: bool, stated: Any, pooled: float | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the unit of differences of the cost, and up to which one a minimum is reported, (N,).
 
@@ -53,12 +53,11 @@ def scatters(
         unit = np.full(np.shape(cost), pooled)
         return unit, ALTERNATIVE_CHI2 * unit
     unit = np.where(np.asarray(dof) > 0, cost / np.maximum(dof, 1), 0.0)
-    if not scaled or stated:
-        unit = np.maximum(unit, 1.0)
-        return unit, ALTERNATIVE_CHI2 * unit
     few = (np.asarray(dof) < 3) & (unit < ASSUMED_SIGMA**2)
-    unit = np.where(few, ASSUMED_SIGMA**2, unit)
-    return unit, np.where(few, ALTERNATIVE_CHI2, alternative_chi2(dof)) * unit
+    known = np.asarray(stated) | (not scaled)
+    assumed = np.where(known, 1.0, ASSUMED_SIGMA**2)
+    unit = np.where(known | few, np.maximum(unit, assumed), unit)
+    return unit, np.where(known | few, ALTERNATIVE_CHI2, alternative_chi2(dof)) * unit
 
 
 def scatter_of(fit: Problem, cost: float, noise: float) -> tuple[float, float]:

@@ -108,7 +108,7 @@ def uncertainty(
     noise: float,
     dof: Any,
     scaled: bool,
-    stated: bool,
+    stated: Any,
     squares: Any,
     pooled: float | None = None,
 ) -> Uncertainty:
@@ -146,8 +146,7 @@ def uncertainty(
     elif u.spec.priors and u.spec.loss == "squares":
         # Data and priors were weighed against each other by the noise already.
         variance = np.where(dof > 0, 1.0, variance)
-    if not stated:
-        variance = np.where(dof == 0, np.nan, variance)
+    variance = np.where((dof == 0) & ~np.asarray(stated), np.nan, variance)
     if scaled and pooled is not None:
         variance = pooled
     rows, b = np.concatenate([J, lines], -2), np.concatenate([r, off], -1)

@@ -43,13 +43,13 @@ def _of_splines(u: Unknowns) -> np.ndarray:
 
 def with_errors_of_curves(
     u: Unknowns, end: End, known: Intervals, errors: np.ndarray
-) -> tuple[End, Intervals]:
-    """Return a minimum and its intervals with the errors of all unknowns but the amplitudes.
+) -> tuple[np.ndarray, Intervals]:
+    """Return covariance and intervals of one minimum with the errors of all but the amplitudes.
 
-    errors: what `errors_of_curves` returned. A sample without splines is returned as it is.
+    errors: what `errors_of_curves` returned. Those of a sample without splines are as they were.
     """
     if errors is end.known.covariance:
-        return end, known
+        return errors, known
     with np.errstate(invalid="ignore", divide="ignore"):
         factor = np.sqrt(np.diagonal(errors) / np.diagonal(end.known.covariance))
     factor = np.where(~_of_splines(u) & (factor > 1.0), factor, 1.0)
@@ -58,16 +58,11 @@ def with_errors_of_curves(
         w = u.moving[i]
         x = float(value_and_slope(w.parameter.coordinate, end.y[i])[0])
         for some in (ends, quadratic):
-            some[i] = np.clip(x + factor[i] * (some[i] - x), w.low, w.high)
+            some[:, i] = np.clip(x + factor[i] * (some[:, i] - x), w.low, w.high)
+    # A limit is the upper end of an interval from 0.
+    limits = np.where(np.isfinite(known.limits), ends[..., 1], known.limits)
     covariance = end.known.covariance * np.outer(factor, factor)
-    return (
-        end._replace(known=end.known._replace(covariance=covariance)),
-        known._replace(
-            ends=ends, quadratic=quadratic,
-            # the upper end of an interval from 0
-            limits=np.where(np.isfinite(known.limits), ends[:, 1], known.limits),
-        ),
-    )  # fmt: skip
+    return covariance, known._replace(ends=ends, quadratic=quadratic, limits=limits)
 
 
 def errors_of_curves(fit: Problem, end: End, noise: float) -> np.ndarray:

@@ -99,6 +99,21 @@ def further_errors(
     return taken
 
 
+def _further(
+    kind: str, run: Run, several: Sequence[Measurement], joined: Measurement, fitted: np.ndarray
+) -> Taken:
+    """Return the further error of a single fit: ``fitted`` (n,), with one factor on the errors."""
+
+    def compared(_: np.ndarray, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        off = weighted_residuals(joined, model[0], stated=False)
+        return off[None], arcs(joined, model[0])[None]
+
+    return further_errors(
+        kind, joined.sigma[None], fitted[None], np.ones(1, bool), are_powers(joined.quantity),
+        compared, lambda sigma, _: run(_weighed(several, sigma[0]), QUADRATIC).fitted[None],
+    )  # fmt: skip
+
+
 def _weighed(several: Sequence[Measurement], sigma: np.ndarray) -> list[Measurement]:
     """Return the measurements with other errors, (N,) of all of them joined."""
     ends = np.cumsum([len(m) for m in several])[:-1]
@@ -118,22 +133,33 @@ def _with_own_scatter(
         return found
     if 2 * np.sum(found.dof) < len(joined):  # residuals are far smaller than the noise
         return found
-    sigma = scatter_of_each(joined, found.curve, joined.value - found.fitted)
-    if sigma is None:
+    m, off = joined, (joined.value - found.fitted)[None]
+    (sigma,) = scatter_of_each(m.angle_deg, m.wavelength_um, found.curve, m.value, off)
+    if np.isnan(sigma).any():
         return found
     best = run(_weighed(several, sigma), intervals)
-    own = {c: s for c, s in zip(found.curve.tolist(), sigma.tolist(), strict=True)}
-    values = {"curves": found.curve_names, "noise": [own[c] for c in range(len(own))]}
-    none, every = np.full(best.shape, np.nan)[()], np.ones(best.shape, bool)[()]
     # The errors are not stated ones: nothing is said of how far the residuals are from them.
     left = [f for f in best.findings if f.code not in ("chi2_large", "chi2_small")]
-    errors = best.errors._replace(
-        taken=np.full(best.shape, OF_EACH)[()] if best.shape else OF_EACH, stated=False
-    )
-    return replace(
-        best, measurement=joined, chi2=none, chi2_reduced=none, errors=errors, bic=found.bic,
-        aicc=found.aicc, findings=ranked([*left, Finding("errors_of_each", every, values)]),
+    none, every = np.full(best.shape, np.nan)[()], np.ones(best.shape, bool)[()]
+    best = replace(
+        best, measurement=joined, chi2=none, chi2_reduced=none, bic=found.bic, aicc=found.aicc,
+        errors=best.errors._replace(stated=False), findings=tuple(left),
     )  # fmt: skip
+    noise = np.array([sigma[found.curve == c][0] for c in range(len(found.curve_names))])
+    return of_each(
+        best, every, found.curve_names, np.broadcast_to(noise, (*best.shape, len(noise)))
+    )
+
+
+def of_each(best: FitData, at: Any, curves: Sequence[str], noise: np.ndarray) -> FitData:
+    """Return fits, and where (S) each quantity has the scatter ``noise``, S + (C,), of its own."""
+    values = {
+        "curves": tuple(curves),
+        "noise": those(noise, np.broadcast_to(at[..., None], noise.shape)),
+    }
+    taken = np.where(at, OF_EACH, best.errors.taken)[()]
+    findings = ranked([*best.findings, Finding("errors_of_each", at, values)])
+    return replace(best, errors=best.errors._replace(taken=taken), findings=findings)
 
 
 def with_added_error(
@@ -153,16 +179,7 @@ def with_added_error(
     if errors == "auto" and not far:
         return found
     joined = concatenate(*several)
-
-    def compared(_: np.ndarray, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        off = weighted_residuals(joined, model[0], stated=False)
-        return off[None], arcs(joined, model[0])[None]
-
-    taken = further_errors(
-        errors, joined.sigma[None], found.fitted[None], np.ones(1, bool),
-        are_powers(joined.quantity), compared,
-        lambda sigma, _: run(_weighed(several, sigma[0]), QUADRATIC).fitted[None],
-    )  # fmt: skip
+    taken = _further(errors, run, several, joined, found.fitted)
     if not taken.kind[0]:
         return found
     best = run(_weighed(several, taken.sigma[0]), intervals)
@@ -217,22 +234,13 @@ def covering(run: Run, several: Sequence[Measurement], found: FitData) -> FitDat
     the error models were better than another.
     """
     joined, names = concatenate(*several), found.names
-    given, power = joined.sigma[None], are_powers(joined.quantity)
     start = run(several, QUADRATIC)
-
-    def compared(_: np.ndarray, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        off = weighted_residuals(joined, model[0], stated=False)
-        return off[None], arcs(joined, model[0])[None]
-
     others = [start]
-    for kind in ADDED if power.any() else (FLOOR,):
-        taken = further_errors(
-            kind, given, start.fitted[None], np.ones(1, bool), power, compared,
-            lambda sigma, _: run(_weighed(several, sigma[0]), QUADRATIC).fitted[None],
-        )  # fmt: skip
+    for kind in ADDED if are_powers(joined.quantity).any() else (FLOOR,):
+        taken = _further(kind, run, several, joined, start.fitted)
         if taken.kind[0]:
             others.append(run(_weighed(several, taken.sigma[0]), AUTO))
-    equal = np.sqrt(np.mean(compared(given, start.fitted[None])[0] ** 2))
+    equal = np.sqrt(np.mean(weighted_residuals(joined, start.fitted, stated=False) ** 2))
     others.append(
         run(_weighed(several, equal / np.maximum(arcs(joined, start.fitted), 1e-3)), AUTO)
     )

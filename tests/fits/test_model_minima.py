@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fitting import Measurement, fit, simulate
-from fitting.outcomes import outcome
+from fitting.outcomes import of_fit
 from fitting.problem.lanes import STAGE
 from fitting.problem.problem import Problem
 from fitting.uncertainty import profile
@@ -63,7 +63,7 @@ def test_a_lower_minimum_on_the_way_is_taken():
 
 def test_intervals_are_completed_where_the_lower_place_is_no_minimum(monkeypatch):
     """The search for them stops there, and goes on if the solver does not come to rest."""
-    held, of_minima = Problem.held, outcome._intervals
+    held, of_minima = Problem.held, of_fit.ranges_of
 
     def restless(self, start, noise, steps, *others, **more):
         ends = held(self, start, noise, steps, *others, **more)
@@ -74,7 +74,7 @@ def test_intervals_are_completed_where_the_lower_place_is_no_minimum(monkeypatch
     found = fit(hidden_line(), "lorentz", starts=2, seed=4)
     assert found.chi2_reduced > 1e3 and codes(found)[0] == "better_minimum_met"
     assert found.status == "not converged"
-    monkeypatch.setattr(outcome, "_intervals", lambda *args: of_minima(*args[:4]))
+    monkeypatch.setattr(of_fit, "ranges_of", lambda *args: of_minima(*args[:7]))
     whole = fit(hidden_line(), "lorentz", starts=2, seed=4)
     np.testing.assert_array_equal(intervals(found), intervals(whole))
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fitting import Measurement, choose, fit
+from fitting import Measurement, choose, fit, fit_many
 from fresnel_jax import powers
 
 # The metals of which a lossless index of 54 to 338 was "converged": eta and k, angles, sigma.
@@ -50,12 +50,23 @@ def test_a_lossless_dispersion_of_a_metal_is_undetermined():
     assert found.status == "undetermined"
     assert found.warnings[0].code == "circle"
     assert np.isnan(found.parameters["A"].sigma)
+    # Of many curves each is asked by itself; glass beside it is determined.
+    glass = measured(1.5, 0.0, np.linspace(15, 65, 11), "R", 0.005, np.linspace(0.45, 0.75, 6))
+    many = fit_many(
+        m.angle_deg, m.wavelength_um, R=np.stack([m.value, glass.value]), sigma=0.005,
+        sample="cauchy:2",
+    )  # fmt: skip
+    assert many.status.tolist() == ["undetermined", "converged"]
+    assert many.warnings[0][0].code == "circle" and "circle" not in str(many.warnings[1])
+    assert np.isnan(many.parameters["A"].sigma).tolist() == [True, False]
 
 
 def test_absorption_that_only_the_model_tells():
     m = measured(0.14, 4.1, np.linspace(15, 65, 11), "R", 0.005, np.linspace(0.45, 0.75, 6))
     found = fit(m, "drude")
     assert "by_the_model_alone" in {w.code for w in found.warnings}
+    many = fit_many(m.angle_deg, m.wavelength_um, R=m.value[None], sigma=0.005, sample="drude")
+    assert "by_the_model_alone" in {w.code for w in many.warnings[0]}
 
 
 def test_an_index_that_the_user_knows_is_believed():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fitting import Measurement, fit, simulate
+from fitting import Measurement, fit, fit_many, simulate
 from fitting.residuals.noise import scatter_of_each
 
 WAVES = np.linspace(0.45, 0.85, 41)
@@ -44,10 +44,28 @@ def test_scatters_differ_by_chance_in_less_than_one_of_a_hundred():
     rng, wave = np.random.default_rng(5), np.linspace(0.4, 0.8, 30)
     m = Measurement.from_columns(np.zeros(30), wave, R=0.1 * np.sqrt(wave), T=np.sqrt(wave))
     curve = (m.quantity == "T").astype(int)
-    noise = rng.standard_normal((1000, 60))
-    assert sum(scatter_of_each(m, curve, row) is not None for row in noise) < 10
+    noise, where = rng.standard_normal((1000, 60)), (m.angle_deg, m.wavelength_um, curve, m.value)
+    assert np.isfinite(scatter_of_each(*where, noise)).any(1).sum() < 10
     # What is missed smoothly is no scatter.
     smooth = 3.0 * (m.wavelength_um - 0.6) ** 2 * curve
-    quiet = scatter_of_each(m, curve, 1e-3 * noise[0] * np.where(curve, 1.0, 10.0) + smooth)
-    assert quiet is not None
+    (quiet,) = scatter_of_each(*where, 1e-3 * noise[:1] * np.where(curve, 1.0, 10.0) + smooth)
     assert (quiet[curve == 0] > 5.0 * quiet[curve == 1].max()).all()
+
+
+def test_each_curve_of_a_batch_has_its_own_as_by_itself():
+    """Of three films T is noisy; the fourth has one scatter, and equal weights."""
+    parts = [film({"R": 5e-4, "T": 0.02}, seed) for seed in range(3)]
+    parts.append(film({"R": 5e-4, "T": 5e-4}, 3))
+    data = {q: np.stack([m.value[m.quantity == q] for m in parts]) for q in ("R", "T")}
+    start = {name.removeprefix("film."): x for name, x in TRUTH.items()}
+    found = fit_many(0.0, WAVES, **data, sample=FILM, start=start, check=0)
+    assert found.errors.taken.tolist() == ["of each quantity"] * 3 + ["equal"]
+    assert not found.errors.stated and np.isnan(found.chi2).all()
+    for i in (0, 3):
+        one = fit(parts[i], FILM, intervals="quadratic")
+        a, b = (f.parameters["thickness_nm"] for f in (one, found[i]))
+        assert abs(a.value - b.value) < 0.01 * a.sigma
+        assert b.sigma == pytest.approx(a.sigma, rel=0.02)
+        assert [w.text for w in one.warnings if w.code == "errors_of_each"] == [
+            w.text for w in found.warnings[i] if w.code == "errors_of_each"
+        ]
