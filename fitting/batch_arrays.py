@@ -15,11 +15,13 @@ from fitting.results.result import FitData
 _Arrays = dict[str, Any]
 
 
-def without_refused(given: _Arrays, sigma: Any) -> tuple[_Arrays, Any, np.ndarray | None]:
+def without_refused(
+    given: _Arrays, sigma: Any, whole: bool = False
+) -> tuple[_Arrays, Any, np.ndarray | None]:
     """Return values with NaN in curves that are refused, errors, and reasons (...), "" for none.
 
-    None: no curve is refused. A single curve, and a batch of which none would be left, pass: the
-    checks of a call say what is wrong with them.
+    None: no curve is refused. A single curve, and a batch of which none would be left (without
+    ``whole``: of a map a part), pass: the checks of a call say what is wrong with them.
     """
     try:
         arrays = {q: np.asarray(v) for q, v in given.items()}
@@ -54,7 +56,7 @@ def without_refused(given: _Arrays, sigma: Any) -> tuple[_Arrays, Any, np.ndarra
             refuse(wrong.any(-1), f"{name} has standard errors that are not above 0.")
             errors = {**errors, name: np.where(wrong, np.nan, np.asarray(one))}
     refused = reasons != ""
-    if not refused.any() or refused.all():
+    if not refused.any() or (refused.all() and not whole):
         return given, sigma, None
     kept = {q: np.where(refused[..., None], np.nan, v) for q, v in values.items()}
     return kept, errors if isinstance(sigma, Mapping) else errors["sigma"], reasons

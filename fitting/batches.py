@@ -368,7 +368,7 @@ def _to_search(
     if not len(free) or not many:
         return []
     reduced = np.where(best.done, best.cost, np.inf)[free] / np.maximum(search.dof[free], 1)
-    worst = free[np.argsort(-reduced, kind="stable")][: many // 2] if searched else free[:0]
+    worst = free[np.argsort(-reduced, kind="stable")][: many // 2]
     rest = np.setdiff1d(free, worst)
     by_chance = random.permutation(rest)[: many - len(worst)]
     return [*worst.tolist(), *by_chance.tolist()]
