@@ -17,10 +17,12 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fitting import fit_many, fit_map, simulate
+from fitting.maps.cube import lazy
 from tests.truth import textbook
 
 ANGLE_DEG = np.linspace(20.0, 80.0, 30)
@@ -30,29 +32,23 @@ BOUNDS = {"A": (1.3, 1.8)}
 SIGMA, WIDTH = 0.002, 500
 
 
-class Synthetic:
-    """A cube of random bare surfaces that is made when it is read, of any number of rows."""
+class _Rows:
+    """Random bare surfaces that are made when they are read, of any number of rows."""
 
-    dims, name, encoding, chunks = ("y", "x", "quantity", "angle"), None, {}, None
+    dtype, chunks = np.dtype(float), None
 
-    def __init__(self, rows: int, some: tuple[slice, ...] | None = None) -> None:
-        import xarray
-
-        axes = {"quantity": np.array(["R_s", "R_p"]), "angle": ANGLE_DEG}
-        self.coords = {
-            n: xarray.DataArray(v, dims=n, attrs={"units": "deg"}) for n, v in axes.items()
-        }
+    def __init__(self, rows: int) -> None:
         self.shape = rows, WIDTH, 2, len(ANGLE_DEG)
-        self.some = some
 
-    def __getitem__(self, index: tuple[slice, ...]) -> Synthetic:
-        return Synthetic(self.shape[0], some=index)
+    def __getitem__(self, index: tuple[slice, ...]) -> np.ndarray:
+        rows, *others = index
+        return np.stack([_row(i) for i in range(self.shape[0])[rows]])[:, *others]
 
-    def __array__(self, dtype: object = None, copy: object = None) -> np.ndarray:
-        assert self.some is not None
-        rows = range(*self.some[0].indices(self.shape[0]))
-        out = np.stack([_row(i) for i in rows])
-        return out[:, self.some[1], self.some[2], self.some[3]]
+
+def synthetic(rows: int) -> Any:
+    """Return a cube of so many rows, of which nothing is made yet."""
+    coords = {"quantity": ["R_s", "R_p"], "angle": ("angle", ANGLE_DEG, {"units": "deg"})}
+    return lazy(_Rows(rows), ("y", "x", "quantity", "angle"), coords)
 
 
 def _row(i: int) -> np.ndarray:
@@ -83,7 +79,7 @@ from fitting.maps import map_store
 every = map_store.MapStore.missing
 map_store.MapStore.missing = lambda store: every(store)[:{blocks}]
 with tempfile.TemporaryDirectory() as folder:
-    maps.fit_map(maps.Synthetic({rows}), out=folder + "/m.zarr", sigma=maps.SIGMA)
+    maps.fit_map(maps.synthetic({rows}), out=folder + "/m.zarr", sigma=maps.SIGMA)
 # Not ru_maxrss, which a process has from the one that started it.
 print(open("/proc/self/status").read().partition("VmHWM:")[2].split()[0])
 """

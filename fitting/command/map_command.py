@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fitting.command.terminal import FITTED, Refused, complain, refusals, say
+from fitting.command.terminal import FITTED, complain, refusals, say
 from fitting.process.progress import shown
 
 # Blocks that kill their workers again and again are left out, and the rest is done.
@@ -29,44 +29,32 @@ OPTIONS = (
 )  # fmt: skip
 
 
-@contextlib.contextmanager
-def _cluster(arguments: Any) -> Iterator[Any]:
-    """Give a client of the workers that were asked for; None: this process alone fits."""
-    if not (arguments.workers or arguments.scheduler or arguments.scheduler_file):
-        yield None
-        return
-    from fitting.maps.cube import package
+def _client(arguments: Any) -> Any:
+    """Return the context of a client of the workers that were asked for, or of None."""
+    from fitting.maps.map_store import package
     from fitting.process.side_by_side import PROCESSORS
 
-    distributed = package("distributed", "--workers")
-    if arguments.scheduler or arguments.scheduler_file:
-        known = {"address": arguments.scheduler, "scheduler_file": arguments.scheduler_file}
-        with distributed.Client(**{n: v for n, v in known.items() if v}) as client:
-            yield client
-        return
-    # What XLA reads when it starts; each worker has its share of the processors.
-    share = {"NPROC": str(max(PROCESSORS // arguments.workers, 1)), "TF_CPP_MIN_LOG_LEVEL": "3",
-             "JAX_PLATFORMS": os.environ.get("JAX_PLATFORMS", "cpu")}  # fmt: skip
-    with (
-        distributed.LocalCluster(
-            n_workers=arguments.workers, threads_per_worker=1, processes=True, env=share,
-            dashboard_address=":0", silence_logs=50,
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):  # fmt: skip
-        yield client
+    known = {"address": arguments.scheduler, "scheduler_file": arguments.scheduler_file}
+    if arguments.workers:
+        # What XLA reads when it starts; each worker has its share of the processors.
+        share = {"NPROC": str(max(PROCESSORS // arguments.workers, 1)), "TF_CPP_MIN_LOG_LEVEL": "3",
+                 "JAX_PLATFORMS": os.environ.get("JAX_PLATFORMS", "cpu")}  # fmt: skip
+        known = {"n_workers": arguments.workers, "threads_per_worker": 1, "env": share,
+                 "dashboard_address": ":0", "silence_logs": 50}  # fmt: skip
+    known = {n: v for n, v in known.items() if v}
+    return package("distributed").Client(**known) if known else contextlib.nullcontext()
 
 
 def _numbers(text: str | None, option: str) -> list[float] | None:
     """Return numbers with commas between them, or LOW..HIGH:COUNT."""
     import numpy as np
 
+    if not text:
+        return None
+    low, _, rest = text.partition("..")
+    high, _, count = rest.partition(":")
     try:
-        if text is None:
-            return None
-        low, dots, rest = text.partition("..")
-        if dots:
-            high, _, count = rest.partition(":")
+        if rest:
             return np.linspace(float(low), float(high), int(count)).tolist()
         return [float(x) for x in text.split(",")]
     except ValueError:
@@ -86,42 +74,43 @@ def run_map(arguments: Any, options: Mapping[str, Any]) -> int:
                 raise ValueError(
                     f"--{flag} is of single fits; a map is in the store --out, and --plot draws it."
                 )
-        from fitting.maps.map_fit import fit_map, source_of
-        from fitting.maps.map_page import map_file, status_rows
+        from fitting.maps import map_page
+        from fitting.maps.cube import open_cube
+        from fitting.maps.map_fit import fit_map
         from fitting.maps.map_store import MapStore
         from fitting.output import files, pictures
         from fitting.output.summary import rows_aligned
 
-        picture = Path(arguments.plot) if arguments.plot else None
-        if picture is not None and picture.suffix.lower() != ".html":
+        as_page = str(arguments.plot).lower().endswith(".html")
+        if arguments.plot and not as_page:
             pictures.check_picture(arguments.plot)
-        sigma: Any = arguments.sigma
-        with contextlib.suppress(TypeError, ValueError):
-            sigma = float(sigma)
+        with contextlib.suppress(TypeError, ValueError):  # else the name of an array
+            arguments.sigma = float(arguments.sigma)
         quantity = arguments.quantity and [q.strip() for q in arguments.quantity.split(",")]
         data = {
-            "sigma": sigma, "mask": arguments.mask, "dataset": arguments.dataset,
+            "sigma": arguments.sigma, "mask": arguments.mask, "dataset": arguments.dataset,
             "quantity": quantity, "angle_deg": _numbers(arguments.angle_deg, "--angle-deg"),
             "wavelength_um": _numbers(arguments.wavelength_um, "--wavelength-um"),
         }  # fmt: skip
-        more = {"block": arguments.block} if arguments.block else {}
+        more = {n: v for n, v in {**options, "block": arguments.block}.items() if v}
         shared = [n for n in (arguments.shared or "").split(",") if n.strip()]
-        with _cluster(arguments) as client, shown("blocks", quiet=arguments.quiet):
+        file = arguments.file[0]
+        with _client(arguments) as client, shown("blocks", quiet=arguments.quiet):
             found = fit_map(
-                arguments.file[0], arguments.sample, arguments.out, client=client, shared=shared,
-                **data, **more, **{n: v for n, v in options.items() if v},
-            )  # fmt: skip
+                file, arguments.sample, arguments.out, client=client, shared=shared, **data, **more
+            )
         store = MapStore(arguments.out)
         if not arguments.quiet:
             say(f"{arguments.out}: {found.attrs['sample']}; {found.attrs['read']}\n")
-            say("\n".join(rows_aligned(status_rows(store))) + "\n")
-        if picture is not None:
-            cube = source_of(arguments.file[0], arguments.sample, **data).open()
-            content = map_file(picture, found, store, cube, arguments.command)
-            try:
-                files.write_whole({picture: content})
-            except files.OutputError as error:
-                raise Refused(str(error)) from error
+            say("\n".join(rows_aligned(map_page.status_rows(store))) + "\n")
+        if arguments.plot:
+            content: Any = map_page.plot_map(found)
+            if as_page:
+                cube = open_cube(file, **data, spectrum="wavelength" in found["status"].dims)
+                content = map_page.map_page(store, cube, content, arguments.command)
+            else:
+                content = pictures.picture_bytes(content, Path(arguments.plot).suffix)
+            files.write_whole({Path(arguments.plot): content})
     failed = found.attrs["failed_blocks"]
     for pixels in failed:
         complain(f"{arguments.out}: the workers that fitted the pixels {pixels} died; not fitted.")

@@ -1,16 +1,27 @@
-"""`fit_map`: a map of any size, fitted block by block into a store on disk."""
+"""`fit_map`: a map of any size, fitted block by block into a store on disk.
+
+A map begins with full searches on a coarse grid of its pixels; each pixel of a block starts from
+the result of the nearest one. Parameters that all pixels share are found from the same grid: the
+weighted mean, with the inverse of the pixels' covariances as weights, which is the joint
+least-squares estimate where the errors are small beside the curvature of the model.
+
+Blocks are fitted by threads of this process or by the workers of a Dask cluster: in both cases by
+`fit_block`, submitted to an executor that knows of few blocks at a time.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import inspect
 import itertools
 import os
+import threading
 import time
-from collections.abc import Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Iterable, Mapping
+from concurrent import futures
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,253 +29,277 @@ import fitting
 from fitting.batches import fit_many
 from fitting.fit_result import Fit
 from fitting.maps import map_store
-from fitting.maps.cube import Cube, Source, block_shape, package, text_of
-from fitting.maps.map_start import MISFITS, Start, begin, has_data, usable
-from fitting.maps.map_store import CODES, ENDS, ORDER, STATUSES, MapStore, MapStoreError, store_of
-from fitting.maps.map_workers import run_on
-from fitting.process.progress import listening, tell
-from fitting.results.result_parts import NO_DATA, NOT_CONVERGED, REFUSED
+from fitting.maps.cube import Block, Cube, block_shape, grid_of, open_cube, text_of
+from fitting.maps.map_store import BITS, ENDS, STATUS, MapStore, MapStoreError, package
+from fitting.process.progress import tell
+from fitting.process.start_up import cache_programs
+from fitting.results.result_parts import DETERMINED, NOT_CONVERGED, REFUSED
 from fitting.samples.parameters import names_of, plain_name
 from fitting.samples.sample import Sample
 from fitting.searching.minima import alternative_chi2
 
 _Columns = dict[str, np.ndarray]
+_Place = tuple[int, ...]
+_OPTIONS = ("free", "fixed", "bounds", "tie", "errors", "intervals", "start", "seed", "check")
+# The warnings of a pixel that the sample, at this minimum, does not describe.
+_MISFITS = ("chi2_large", "does_not_describe")
 # Two minima of a pixel are two if a parameter differs by so many standard errors.
 _APART = 4.0
-_OPTIONS = ("free", "fixed", "bounds", "tie", "errors", "intervals", "start", "seed")
-_BITS = {code: np.uint64(1 << i) for i, code in enumerate(CODES)}
-_CODES = {name: np.uint8(i) for i, name in enumerate(STATUSES)}
+# Values so many times as far from the median as is usual are of another minimum.
+_FAR = 5.0
+# A scheduler that has no worker after so long is refused.
+WAIT_S = 30.0
+_keep_programs = functools.cache(cache_programs)
+
+
+def fit_pixels(known: Mapping[str, Any], cube: Cube, block: Block, **more: Any) -> Fit:
+    """Return the fits of some pixels with the sample, options and shared values of a map.
+
+    known: attributes of its store. more: what `fit_many` takes beside.
+    """
+    options = {n: v for n, v in known["options"].items() if n != "shared" and v is not None}
+    if held := {n: value for n, (value, _) in known["shared"].items()}:
+        options["fixed"] = {**options.get("fixed", {}), **held}
+        bounds = options.get("bounds", {})
+        options["bounds"] = {n: b for n, b in bounds.items() if n not in held}
+    return fit_many(
+        cube.angle_deg, cube.wavelength_um, **block[0], sigma=block[1], sample=known["sample"],
+        **{**options, **more},
+    )  # fmt: skip
+
+
+def _begin(cube: Cube, known: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what all blocks begin with, as plain data for the attributes of the store.
+
+    known: sample and options. shared: name -> (value, standard error) of shared parameters. begin:
+    units of the others, by name; starts: name -> values on the grid, and the same of a second
+    minimum nearly as low, where pixels have one; none of a bare surface, which needs no start;
+    added: the variance that the shared ones add to the others, on the grid; describes: whether the
+    sample describes most of these pixels.
+    """
+    block = cube.block(grid_of(cube.shape))
+    if not (block[2] == STATUS[map_store.PENDING]).any():
+        raise ValueError(
+            "none of the pixels on a grid over the map has a curve that can be fitted: all are "
+            "masked, missing or out of range. Look at units (fractions, not percent) and the mask."
+        )
+
+    def fits(shared: Mapping[str, Any]) -> Fit:
+        return fit_pixels({**known, "shared": shared}, cube, block)
+
+    found, shared, added = fits({}), {}, {}
+    if known["options"]["shared"]:
+        shared, added = _shared(found, known["options"]["shared"])
+        found = fits(shared)
+    starts = []
+    if not Sample.parse(known["sample"]).by_wavelength:
+        there = _nearest(np.isin(found.status, DETERMINED))
+        starts = [{n: found.parameters[n].value[there] for n in found.names}]
+        for other in found.others[:1]:
+            near = np.isfinite(other.delta_chi2)
+            starts.append({n: np.where(near, other.parameters[n].value, best)
+                           for n, best in starts[0].items()})  # fmt: skip
+    misfits = [np.mean(f.at) for f in found.findings if f.code in _MISFITS]
+    return {"shared": shared, "begin": {
+        "units": {n: found.parameters[n].unit for n in found.names}, "added": added,
+        "starts": [{n: v.tolist() for n, v in one.items()} for one in starts],
+        "describes": bool(max(misfits, default=0.0) < 0.5),
+    }}  # fmt: skip
+
+
+def _nearest(good: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return the indices of the nearest good pixel of each pixel; of itself where none is good."""
+    from scipy.ndimage import distance_transform_edt  # slow to import, of use for films alone
+
+    indices: Any = distance_transform_edt(~good & good.any(), None, False, True)
+    return tuple(indices)
+
+
+def _shared(found: Fit, shared: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the joint estimate of parameters from all pixels' fits, name -> (value, standard
+    error), and the variance that it adds to each of the others, name -> array on the grid."""
+    names = list(found.names)
+    if stray := [n for n in shared if n not in names]:
+        raise ValueError(
+            f"shared names {stray[0]!r}; one of the fitted parameters was wanted: "
+            f"{', '.join(names)}."
+        )
+    which = [names.index(n) for n in shared]
+    value = np.stack([found.parameters[n].value for n in shared], -1)
+    good = np.isin(found.status, DETERMINED) & np.isfinite(found.covariance).all((-1, -2))
+    if good.sum() < 2:
+        raise ValueError(
+            "fewer than two pixels of the grid determine all parameters, so that none can be "
+            "shared; fix them instead."
+        )
+
+    def weights() -> np.ndarray:
+        return np.linalg.inv(found.covariance[good][:, which][:, :, which])
+
+    def squares(middle: np.ndarray) -> np.ndarray:
+        apart = value[good] - middle
+        return np.einsum("ni,nij,nj->n", apart, weights(), apart)
+
+    # A pixel that ended at another fringe order has other values: it is left out.
+    far = squares(np.median(value[good], 0))
+    good[good] = far <= _FAR**2 * max(float(np.median(far)), len(which))
+    spread = np.linalg.inv(weights().sum(0))
+    mean = spread @ np.einsum("nij,nj->i", weights(), value[good])
+    spread *= max(squares(mean).sum() / ((good.sum() - 1) * len(which)), 1.0)
+    slopes = found.covariance[good][:, :, which] @ weights()  # of all parameters by these
+    added = np.zeros((*good.shape, len(names)))
+    added[good] = np.einsum("npi,ij,npj->np", slopes, spread, slopes)
+    added, errors = added[_nearest(good)], np.sqrt(np.diagonal(spread))
+    return (
+        {n: [float(v), float(s)] for n, v, s in zip(shared, mean, errors, strict=True)},
+        {n: added[..., i].tolist() for i, n in enumerate(names) if n not in shared},
+    )
 
 
 def _columns(found: Fit) -> _Columns:
     """Return the arrays of a batch that the store keeps, and its cost and degrees of freedom."""
-    out: _Columns = {}
+    out: _Columns = {"chi2": np.array(found.chi2_reduced), "cost": np.array(found.cost),
+                     "dof": np.array(found.dof)}  # fmt: skip
     for name in found.names:
         e = found.parameters[name]
-        for end, values in zip(
-            ENDS, (e.value, e.sigma, e.interval[..., 0], e.interval[..., 1]), strict=True
-        ):
-            out[name + end] = np.array(values)
-    bits = np.zeros(found.shape, np.uint64)
+        each = e.value, e.sigma, e.interval[..., 0], e.interval[..., 1]
+        out |= {name + end: np.array(values) for end, values in zip(ENDS, each, strict=True)}
+    out["warnings"] = np.zeros(found.shape, np.uint64)
     for one in found.findings:
-        bits |= np.where(one.at, _BITS[one.code], np.uint64(0))
-    names, which = np.unique(found.status, return_inverse=True)
-    codes = np.array([_CODES[n] for n in names])[which].reshape(found.shape)
-    return out | {"chi2": np.array(found.chi2_reduced), "warnings": bits, "status": codes,
-                  "cost": np.array(found.cost), "dof": np.array(found.dof)}  # fmt: skip
+        out["warnings"][one.at] |= BITS[one.code]
+    out["status"] = np.vectorize(STATUS.get, otypes=[np.uint8])(found.status)
+    return out
 
 
 def _lower_of(one: _Columns, other: _Columns, stated: bool) -> _Columns:
     """Return for each pixel the lower of two minima, marked where both fit nearly as well, or the
     second one better."""
-    good = [c["status"] != _CODES[NOT_CONVERGED] for c in (one, other)]
-    take = good[1] & (~good[0] | (other["cost"] < (1.0 - 1e-6) * one["cost"]))
-    out = {n: np.where(take, other[n], a) for n, a in one.items()}
-    apart = np.zeros(take.shape, bool)
-    for name in (n for n in one if n + "_sigma" in one):
-        with np.errstate(invalid="ignore"):
-            apart |= np.abs(one[name] - other[name]) > _APART * out[name + "_sigma"]
+    first, second = (np.where(c["status"] == STATUS[NOT_CONVERGED], np.inf, c["cost"])
+                     for c in (one, other))  # fmt: skip
+    lower = second < (1.0 - 1e-6) * first
+    out = {n: np.where(lower, other[n], a) for n, a in one.items()}
+    apart = np.any([np.abs(one[n] - other[n]) > _APART * out[n + "_sigma"]
+                    for n in one if n + "_sigma" in one], axis=0)  # fmt: skip
     scatter = out["cost"] / np.maximum(out["dof"], 1)
     limit = alternative_chi2(np.where(stated, 0, out["dof"]))
-    near = np.abs(one["cost"] - other["cost"]) <= limit * np.where(
-        stated, np.maximum(scatter, 1.0), scatter
-    )
-    doubt = apart & (take | near) & good[0] & good[1]
-    out["warnings"] = out["warnings"] | np.where(doubt, _BITS[ORDER], np.uint64(0))
+    limit = limit * (np.maximum(scatter, 1.0) if stated else scatter)
+    near = np.isfinite(first) & np.isfinite(second) & (second <= first + limit)
+    out["warnings"][apart & near] |= BITS[map_store.ORDER]
     return out
 
 
-def fit_pixels(
-    known: Mapping[str, Any], cube: Cube, values: Any, sigma: Any, **more: Any
-) -> Fit:  # fmt: skip
-    """Return the fits of some pixels with the options and shared values of a map.
-
-    known: attributes of its store. more: what `fit_many` takes beside.
-    """
-    options = {n: v for n, v in known["options"].items() if n in _OPTIONS and v is not None}
-    held = {n: value for n, (value, _) in known["begin"]["shared"].items()}
-    if held:
-        options["fixed"] = {**options.get("fixed", {}), **held}
-        bounds = options.get("bounds", {})
-        options["bounds"] = {n: b for n, b in bounds.items() if n not in held}
-    with listening(None):  # blocks are counted, not the steps of their fits
-        return fit_many(
-            cube.angle_deg, cube.wavelength, **values, sigma=sigma, sample=known["sample"],
-            **{**options, **more},
-        )  # fmt: skip
-
-
-def _fitted(store: MapStore, index: Any, cube: Cube, values: Any, sigma: Any) -> _Columns:
+def _fitted(store: MapStore, index: Any, cube: Cube, block: Block) -> _Columns:
     """Return the fits of a block, from the starts of its map."""
-    known = store.attributes
-    start, check = Start(**known["begin"]), known["options"]["check"]
+    begin = store.attributes["begin"]
 
-    def fits(values: Any, sigma: Any, **more: Any) -> _Columns:
-        return _columns(fit_pixels(known, cube, values, sigma, **more))
+    def fits(**more: Any) -> _Columns:
+        return _columns(fit_pixels(store.attributes, cube, block, **more))
 
-    if not start.values:  # a bare surface, which needs no start
-        return fits(values, sigma)
-    nearest = start.nearest(index, store.block)
-    out = fits(values, sigma, check=0, start={
-        n: np.take(v, nearest) for n, v in start.values.items()
-    })  # fmt: skip
-    stated = sigma is not None
-    if start.others:
-        second = {n: np.take(v, nearest) for n, v in start.others.items()}
-        out = _lower_of(out, fits(values, sigma, check=0, start=second), stated)
-    large = np.any([out["warnings"] & _BITS[code] for code in MISFITS], axis=0)
-    doubtful = has_data(values) & (large | (out["status"] == _CODES[NOT_CONVERGED]))
-    if check and start.describes and doubtful.any():
-        out = _searched(out, doubtful, check, fits, values, sigma)
-    if start.shared:
-        slopes = np.stack([np.take(np.asarray(start.slopes[n]), nearest, 0)
-                           for n in start.values], -2)  # fmt: skip
-        more = np.einsum("...ni,ij,...nj->...n", slopes, np.asarray(start.covariance), slopes)
-        for i, name in enumerate(start.values):
-            sigma_all = np.sqrt(out[name + "_sigma"] ** 2 + more[..., i])
-            with np.errstate(invalid="ignore", divide="ignore"):
-                wider = sigma_all / out[name + "_sigma"]
-            for end in ("_lower", "_upper"):
-                out[name + end] = out[name] + wider * (out[name + end] - out[name])
-            out[name + "_sigma"] = sigma_all
+    if not begin["starts"]:
+        return fits()
+    grid, stated = np.shape(begin["starts"][0][next(iter(begin["units"]))]), block[1] is not None
+    cells = [np.minimum(np.arange(s.start, s.stop) // g.step, n - 1)
+             for s, g, n in zip(index, grid_of(store.shape), grid, strict=True)]  # fmt: skip
+
+    def nearest(values: Any) -> np.ndarray:
+        """Return those of the nearest pixel of the grid."""
+        return np.asarray(values)[np.ix_(*cells)]
+
+    out, *others = [fits(check=0, start={n: nearest(v) for n, v in start.items()})
+                    for start in begin["starts"]]  # fmt: skip
+    for other in others:
+        out = _lower_of(out, other, stated)
+    doubtful = out["status"] == STATUS[NOT_CONVERGED]
+    doubtful |= np.any([out["warnings"] & BITS[code] for code in _MISFITS], axis=0)
+    if begin["describes"] and doubtful.any():  # the worst ones are searched afresh
+        out = _lower_of(out, fits(start={n: out[n] for n in begin["units"]}), stated)
+    for name, added in begin["added"].items():
+        every = np.sqrt(out[name + "_sigma"] ** 2 + nearest(added))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            wider = every / out[name + "_sigma"]
+        for end in ("_lower", "_upper"):
+            out[name + end] = out[name] + wider * (out[name + end] - out[name])
+        out[name + "_sigma"] = every
     return out
 
 
-def _searched(
-    out: _Columns, doubtful: np.ndarray, check: int, fits: Any, values: Any, sigma: Any
-) -> _Columns:
-    """Search the worst of the doubtful pixels afresh, and try what is found on the whole block."""
-    stated = sigma is not None
-    reduced = np.where(doubtful, out["cost"] / np.maximum(out["dof"], 1), -1.0)
-    reduced = np.where(np.isnan(reduced), np.inf, reduced).ravel()
-    worst = np.argsort(-reduced, kind="stable")[:check]  # others are searched where these are few
+def fit_block(turn: Any, store: MapStore, cube: Cube, read: Block | None, place: _Place) -> int:
+    """Fit a block, unless it is done, and return how many pixels it has.
 
-    def few(arrays: Any) -> Any:
-        return {q: a.reshape(-1, a.shape[-1])[worst] if np.ndim(a) else a
-                for q, a in arrays.items()}  # fmt: skip
-
-    found = fits(few(values), few(sigma) if isinstance(sigma, Mapping) else sigma, check=check)
-    names = [n for n in out if n + "_sigma" in out]
-    start = {n: out[n].ravel().copy() for n in names}
-    for n in names:
-        start[n][worst] = np.where(np.isfinite(found[n]), found[n], start[n][worst])
-    shape = doubtful.shape
-    again = fits(values, sigma, check=0, start={n: v.reshape(shape) for n, v in start.items()})
-    return _lower_of(out, again, stated)
-
-
-class _Block(NamedTuple):
-    """A block as it was read, in the full shape of blocks: a short one is filled up with missing
-    curves, so that all blocks run the same programs."""
-
-    cube: Cube
-    values: Any
-    sigma: Any
-    refused: np.ndarray
-    masked: np.ndarray
-
-
-def _read(store: MapStore, place: tuple[int, ...], source: Source | Cube) -> _Block:
-    index = store.index(place)
-    cube = source.open() if isinstance(source, Source) else source
-    read = index if isinstance(source, Source) else (slice(None),) * len(index)
-    values, sigma, masked = cube.block(read)
-    more = [(0, b - n) for b, n in zip(store.block, masked.shape, strict=True)]
-
-    def full(array: np.ndarray, fill: Any) -> np.ndarray:
-        wide = [*more, *[(0, 0)] * (array.ndim - len(more))]
-        return np.pad(array, wide, constant_values=fill)
-
-    values = {q: full(v, np.nan) for q, v in values.items()}
-    if isinstance(sigma, Mapping):
-        sigma = {q: full(s, 1.0) if np.ndim(s) else s for q, s in sigma.items()}
-    masked = full(masked, False)
-    return _Block(cube, *usable(values, sigma, masked if masked.any() else None), masked)
-
-
-def _results(store: MapStore, place: tuple[int, ...], block: _Block) -> _Columns:
-    """Return what the store keeps of a block, in the full shape of blocks."""
-    there = has_data(block.values)
-    nothing = {n: np.full(store.block, a.fill_value, a.dtype)
-               for n, a in store.arrays.items() if a.chunks == store.block}  # fmt: skip
-    nothing = {n: a for n, a in nothing.items() if n not in store.attributes["places"]}
-    index, out = store.index(place), nothing
-    if there.any():
-        out = _fitted(store, index, block.cube, block.values, block.sigma)
-    out = {n: np.where(there, out[n], fill) for n, fill in nothing.items()}
-    out["status"][~there] = _CODES[NO_DATA]
-    out["status"][block.refused] = _CODES[REFUSED]
-    out["warnings"][block.refused] = _BITS["refused"]
-    out["status"][block.masked] = _CODES[map_store.MASKED]
-    return out
-
-
-@functools.cache
-def _keep_programs() -> None:
-    fitting.cache_programs()
-
-
-def fit_block(out: str, known: str, source: Source | Cube, place: tuple[int, ...]) -> int:
-    """Fit a block on a worker, unless it is done, and return how many pixels it has."""
-    _keep_programs()
-    store = store_of(out, known)
-    if not store.done(place):
-        _write(store, place, _results(store, place, _read(store, place, source)))
-    return store.pixels(place)
-
-
-def _write(store: MapStore, place: tuple[int, ...], values: _Columns) -> None:
-    try:
-        store.write(place, values)
-    except OSError as error:
-        raise MapStoreError(_unwritten(store.path, error)) from error
-
-
-def _unwritten(out: Path, error: OSError) -> str:
-    return (
-        f"{out}: it cannot be written ({error.strerror or error}). The blocks that are done stay; "
-        "the same command goes on with the others when there is space and permission."
-    )
-
-
-def _here(store: MapStore, source: Source, missing: list[tuple[int, ...]], done: Any) -> None:
-    """Fit blocks in this process, one after the other.
-
-    While one is fitted, the next is read and the one before is written.
+    turn: held while it is fitted; None on a worker, which shares its compiled programs with the
+    others. read: the block; None: it is read here.
     """
-    with ThreadPoolExecutor(2) as aside:
-        ahead: Future | None = None
-        before: Future | None = None
-        for place, following in itertools.zip_longest(missing, missing[1:]):
-            block = ahead.result() if ahead else _read(store, place, source)
-            ahead = aside.submit(_read, store, following, source) if following else None
-            values = _results(store, place, block)
-            if before is not None:
-                before.result()
-            before = aside.submit(_write, store, place, values)
-            done(store.pixels(place))
-        if before is not None:
-            before.result()
+    if turn is None:
+        _keep_programs()
+    index = store.index(place)
+    if not store.done(place):
+        block = read or cube.block(index)
+        status = block[2]
+        found = {"status": status, "warnings": np.zeros(status.shape, np.uint64)}
+        if (pending := status == STATUS[map_store.PENDING]).any():
+            with turn or contextlib.nullcontext():
+                found = _fitted(store, index, cube, block)
+        found["status"] = np.where(pending, found["status"], status)
+        found["warnings"][status == STATUS[REFUSED]] = BITS["refused"]
+        store.write(place, found)
+    return int(np.prod([s.stop - s.start for s in index]))
 
 
-def source_of(
-    data: Any, sample: str | Sample, sigma: Any = None, mask: Any = None,
-    dataset: str | None = None, quantity: Any = None, angle_deg: Any = None,
-    wavelength_um: Any = None,
-) -> Source:  # fmt: skip
-    """Return what the cube of a map is opened from; arguments as of `fit_map`."""
+def fit_missing(store: MapStore, cube: Cube, client: Any) -> list[_Place]:
+    """Fit the missing blocks of a store; return the places of those that killed their workers."""
+    missing, begun, pixels = store.missing(), time.perf_counter(), 0
+    tell(total=len(missing), done=0)
+    if client is None:  # one block is fitted while another one is read or written
+        turn, killed, executor = threading.Lock(), (), futures.ThreadPoolExecutor(2)
+    else:
+        turn, killed = None, package("distributed").KilledWorker
+        executor = client.get_executor(pure=False)
+        try:
+            client.wait_for_workers(1, timeout=WAIT_S)
+        except TimeoutError:
+            raise MapStoreError(
+                f"{client.scheduler.address}: this scheduler has no worker; start some (dask "
+                "worker ADDRESS), and run the same again."
+            ) from None
 
-    if not (hasattr(data, "dims") or isinstance(data, (str, os.PathLike))):
-        raise ValueError(f"{type(data).__name__} came; a DataArray or a path was wanted.")
+    def submit(place: _Place) -> futures.Future[int]:
+        # The client reads an array, and each worker a path.
+        alone = cube if client is None or cube.source else cube._replace(data=None)
+        read = None if alone is cube else cube.block(store.index(place))
+        return executor.submit(fit_block, turn, store, alone, read, place)
 
-    def plain(came: Any, kind: Any) -> Any:
-        return None if came is None else tuple(kind(x) for x in np.ravel(came).tolist())
+    def run(places: Iterable[_Place], window: int) -> list[_Place]:
+        """Fit blocks, so many at a time; return the places of those that killed their workers."""
+        nonlocal pixels
+        left, failed, running = iter(places), list[_Place](), dict[Any, _Place]()
+        try:
+            while True:
+                for place in itertools.islice(left, window - len(running)):
+                    running[submit(place)] = place
+                if not running:
+                    return failed
+                for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
+                    place = running.pop(future)
+                    try:
+                        pixels += future.result()
+                        tell(f"{pixels / (time.perf_counter() - begun):,.0f} curves/s")
+                    except killed:
+                        failed.append(place)
+        except futures.CancelledError:
+            raise MapStoreError(
+                "the scheduler of the workers does not answer. The blocks that are done stay; the "
+                "same command goes on with the others when there is a scheduler."
+            ) from None
+        finally:
+            for future in running:
+                future.cancel()
 
-    return Source(
-        data if hasattr(data, "dims") else os.path.abspath(data), sigma, mask, dataset,
-        plain(quantity, str), plain(angle_deg, float), plain(wavelength_um, float),
-        Sample.parse(sample).by_wavelength,
-    )  # fmt: skip
+    with executor:
+        # The first worker compiles the programs, and the others load them.
+        suspects = run(missing[:1], 1)
+        suspects += run(missing[1:], 2 * max(sum(client.nthreads().values()), 1) if client else 2)
+        # A block that shared its worker with the culprit may be innocent: each runs again, alone.
+        return [place for one in suspects for place in run([one], 1)]
 
 
 def fit_map(
@@ -300,9 +335,10 @@ def fit_map(
         sigma: None, a standard error, standard errors by quantity, a DataArray of axes of the data,
             or the name of an array in the same file.
         mask: None, or a DataArray or array of the pixels, or the name of one; true: left out.
-        client: a client of Dask distributed, whose workers fit the blocks; None: this process.
-        shared: names of parameters that all pixels share. They are found from a grid of 64 pixels
-            and held; their errors are part of the errors of the others.
+        client: a client of Dask distributed, whose workers fit the blocks; None: this process. They
+            read a path themselves; of a DataArray the client sends them the blocks.
+        shared: names of parameters that all pixels share. They are found from a grid of at most 64
+            pixels and held; their errors are part of the errors of the others.
         dataset: name of the array in a file that has several.
         quantity, angle_deg, wavelength_um: names ("R_s"), degrees and micrometres of the data where
             they have no such coordinate.
@@ -325,75 +361,38 @@ def fit_map(
             that are done stay.
         ImportError: if a package of the extra "maps" is not installed.
     """
-    package("xarray", "fit_map")
     which = Sample.parse(sample)
-    options = _checked(options) | {"check": check}
-    named = tuple(plain_name(n) for n in names_of(shared))
-    source = source_of(data, which, sigma, mask, dataset, quantity, angle_deg, wavelength_um)
-    cube, path = source.open(), Path(out).absolute()
-    wanted = {
-        "sample": str(which), "options": {**options, "shared": list(named)},
-        "input": cube.fingerprint(),
+    known = {n: p.default for n, p in inspect.signature(fit_many).parameters.items()}
+    if stray := [n for n in options if n not in _OPTIONS]:
+        raise ValueError(
+            f"{stray[0]} came; a map has the options of fit_many: {', '.join(_OPTIONS)}."
+        )
+    options = {n: known[n] for n in _OPTIONS} | options | {
+        "check": check, "free": list(names_of(options.get("free", ()))),
+        "shared": [plain_name(n) for n in names_of(shared)],
     }  # fmt: skip
+    cube = open_cube(
+        data, sigma, mask, dataset, quantity, angle_deg, wavelength_um, which.by_wavelength
+    )
+    path = Path(out).absolute()
+    wanted = {"sample": str(which), "options": options, "input": cube.fingerprint()}
     try:
         with map_store.lock(path):
-            return _fit_map(cube, source, path, which, wanted, named, block, client)
+            if not map_store.begun(path, wanted):
+                started = _begin(cube, wanted)
+                map_store.create(path, cube, block_shape(cube, block), {
+                    **wanted, **started, "title": f"Fits of {which}", "read": str(cube),
+                    "failed_blocks": [], "versions": {
+                        "fresnel-jax": fitting.__version__,
+                        **{n: package(n).__version__ for n in ("jax", "numpy", "zarr")},
+                    },
+                })  # fmt: skip
+            store = MapStore(path)
+            failed = fit_missing(store, cube, client)
+            store.group.attrs["failed_blocks"] = [text_of(store.index(place)) for place in failed]
+            return store.dataset()
     except OSError as error:
-        raise MapStoreError(_unwritten(path, error)) from error
-
-
-def _fit_map(
-    cube: Cube, source: Source, out: Path, sample: Sample, wanted: dict[str, Any],
-    shared: tuple[str, ...], block: int, client: Any,
-) -> Any:  # fmt: skip
-    known = map_store.begun(out)
-    if known is None:
-        options = {n: v for n, v in wanted["options"].items() if n in (*_OPTIONS, "check")}
-        shape = block_shape(cube, block)
-        start = begin(cube, sample, options, shared)
-        map_store.create(out, cube, shape, start.units, {
-            **wanted, "title": f"Fits of {sample}", "read": str(cube), "begin": start._asdict(),
-            "shared": start.shared, "places": list(cube.places), "failed_blocks": [],
-            "versions": {"fresnel-jax": fitting.__version__, **{
-                name: package(name, "fit_map").__version__ for name in ("jax", "numpy", "zarr")
-            }},
-        })  # fmt: skip
-    else:
-        map_store.refuse_other(out, known, wanted)
-    store = MapStore(os.fspath(out))
-    missing = store.missing()
-    tell(total=len(missing), done=0)
-    begun, pixels = time.perf_counter(), 0
-
-    def done(count: int) -> None:
-        nonlocal pixels
-        pixels += count
-        tell(f"{pixels / (time.perf_counter() - begun):,.0f} curves/s")
-
-    failed: list[tuple[int, ...]] = []
-    if client is None:
-        _here(store, source, missing, done)
-    else:
-        by_path = isinstance(source.data, str)
-        failed = run_on(
-            client,
-            lambda place: (
-                fit_block, os.fspath(out), wanted["input"],
-                source if by_path else cube.part(store.index(place)), place,
-            ),
-            missing, done,
-        )  # fmt: skip
-    store.group.attrs["failed_blocks"] = [text_of(store.index(place)) for place in failed]
-    return map_store.dataset(out)
-
-
-def _checked(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options of a map with defaults, or raise ValueError for a name of none."""
-    known = {n: p.default for n, p in inspect.signature(fit_many).parameters.items()}
-    for name in options:
-        if name not in _OPTIONS:
-            raise ValueError(
-                f"{name} came; a map has the options of fit_many: {', '.join(_OPTIONS)}."
-            )
-    free = names_of(options.get("free", ()))
-    return {n: options.get(n, known[n]) for n in _OPTIONS} | {"free": list(free)}
+        raise MapStoreError(
+            f"{path}: it cannot be written ({error.strerror or error}). The blocks that are done "
+            "stay; the same command goes on with the others when there is space and permission."
+        ) from error

@@ -1,15 +1,14 @@
 """Killed processes, full and read-only disks: the store goes on, and its bits are the same."""
 
 import os
-import resource
 import signal
 import subprocess
+import sys
 import time
 
 import numpy as np
 import pytest
 
-from fitting.process.progress import listening
 from tests.maps import cubes
 
 for name in ("xarray", "zarr", "distributed"):
@@ -77,16 +76,12 @@ def killed_until_whole(cube, out, cache, kills, victims, *more):
             return count
 
 
-@pytest.mark.parametrize("kills", [2, pytest.param(KILLS, marks=pytest.mark.study)])
-def test_a_killed_command_goes_on_to_the_same_bits(cube, tmp_path, cache, kills):
-    out = tmp_path / "m.zarr"
-    count = killed_until_whole(cube[0], out, cache, kills, lambda process: [process.pid])
-    assert count >= min(kills, 2)
-    assert cubes.chunks(out) == cube[1]
-
-
-@pytest.mark.study
-def test_killed_workers_and_clients_of_dask_go_on_to_the_same_bits(cube, tmp_path, cache):
+@pytest.mark.parametrize(
+    ("kills", "more"),
+    [(2, ()), pytest.param(KILLS, (), marks=pytest.mark.study),
+     pytest.param(KILLS, ("--workers", "2"), marks=pytest.mark.study)],
+)  # fmt: skip
+def test_a_killed_command_goes_on_to_the_same_bits(cube, tmp_path, cache, kills, more):
     random = np.random.default_rng(3)
 
     def victims(process):
@@ -94,35 +89,65 @@ def test_killed_workers_and_clients_of_dask_go_on_to_the_same_bits(cube, tmp_pat
         return [process.pid] if not workers or random.random() < 0.3 else workers
 
     out = tmp_path / "m.zarr"
-    count = killed_until_whole(cube[0], out, cache, KILLS, victims, "--workers", "2")
-    assert count >= KILLS / 2
+    count = killed_until_whole(cube[0], out, cache, kills, victims, *more)
+    assert count >= max(kills / 2, 2)
     assert cubes.chunks(out) == cube[1]
 
 
-def test_workers_give_the_same_bits_and_a_deadly_block_is_left_out(cube, tmp_path, capfd):
-    import dask
+# Dask may run it twice in a process.
+DEADLY = """
+import os
+from fitting.maps.cube import Cube
+
+def block(cube, index, whole=Cube.block):
+    if os.path.exists({flag!r}) and index[0].start <= 22 < index[0].stop:
+        os._exit(1)
+    return whole(cube, index)
+
+Cube.block = block
+"""
+
+
+def test_a_block_that_kills_its_workers_is_left_out_and_the_others_are_the_same(
+    cube, tmp_path, cache
+):
     import distributed
 
     from fitting import fit_map
 
-    values = np.load(cube[0])
-    kwargs = {"sigma": cubes.SIGMA, "block": 40}
-    here = tmp_path / "here.zarr"
-    fit_map(cubes.labelled(values), out=here, **kwargs)
-    out = tmp_path / "m.zarr"
-    deadly = cubes.Deadly(cubes.labelled(values), 450)
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None,
-                                 silence_logs=50, env={"NPROC": "1"}) as cluster,
-        distributed.Client(cluster) as client,
-    ):  # fmt: skip
-        found = fit_map(deadly, out=out, client=client, **kwargs)
-        assert found.attrs["failed_blocks"] == ["22:24, 0:20"]
-        assert (found["status"].values[22:] == 0).all() and (found["status"].values[:22] > 0).all()
-        found = fit_map(cubes.labelled(values), out=out, client=client, **kwargs)
+    file, flag, preload = tmp_path / "s.json", tmp_path / "deadly", tmp_path / "deadly.py"
+    preload.write_text(DEADLY.format(flag=str(flag)))
+    flag.touch()
+    environment = cubes.environment(cache) | {
+        "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0", "NPROC": "1"
+    }  # fmt: skip
+    begins = (["scheduler", "--host", "127.0.0.1", "--port", "0"],
+              ["worker", "--nthreads", "1", "--preload", str(preload)])  # fmt: skip
+    running = [
+        subprocess.Popen([sys.executable, "-m", "dask", *begin, "--scheduler-file", str(file),
+                          "--no-dashboard"], cwd=tmp_path, env=environment,
+                         stderr=subprocess.DEVNULL) for begin in begins
+    ]  # fmt: skip
+    try:
+        out = tmp_path / "m.zarr"
+        more = "--block", "40", "--scheduler-file", str(file)
+        ended = cubes.run(cubes.arguments(cube[0], out, *more), cache, timeout=500)
+        assert ended.returncode == 3, ended.stderr
+        *_, last = ended.stderr.splitlines()  # Dask itself may warn of results that were lost
+        assert "the workers that fitted the pixels 22:24, 0:20 died" in last
+        assert len(done(out)) == 11
+        flag.unlink()
+        values = cubes.labelled(np.load(cube[0]))
+        kwargs = {"sigma": cubes.SIGMA, "block": 40}
+        with distributed.Client(scheduler_file=str(file)) as client:
+            found = fit_map(values, out=out, client=client, **kwargs)
         assert found.attrs["failed_blocks"] == []
-    assert cubes.chunks(out) == cubes.chunks(here)
+        fit_map(values, out=tmp_path / "here.zarr", **kwargs)
+        assert cubes.chunks(out) == cubes.chunks(tmp_path / "here.zarr")
+    finally:
+        for process in reversed(running):
+            process.terminate()
+            process.wait(60)
 
 
 @pytest.mark.study
@@ -130,29 +155,21 @@ def test_a_scheduler_without_workers_and_one_that_ends_are_told(tmp_path, monkey
     import distributed
 
     from fitting import fit_map
-    from fitting.maps import map_workers
+    from fitting.maps import map_fit
 
     values, _ = cubes.surfaces((8, 5))
-    monkeypatch.setattr(map_workers, "QUIET_S", 0.5)
+    monkeypatch.setattr(map_fit, "WAIT_S", 0.5)
     none = {"n_workers": 0, "dashboard_address": None, "silence_logs": 50, "processes": False}
     with distributed.LocalCluster(**none) as cluster, distributed.Client(cluster) as client:
         with pytest.raises(ValueError, match="this scheduler has no worker; start some"):
             fit_map(cubes.labelled(values), out=tmp_path / "m.zarr", client=client, sigma=0.002)
-        monkeypatch.setattr(client, "wait_for_workers", lambda *_, **__: None)
-        told = []
 
-        def then(step):
-            told.append(step.doing)
-            if step.doing:
-                client.loop.add_callback(cluster.scheduler.close)
+        def ends(*_, **__):
+            client.loop.add_callback(client.loop.call_later, 1.0, cluster.scheduler.close)
 
-        with listening(then), pytest.raises(ValueError, match="the scheduler .* does not answer"):
+        monkeypatch.setattr(client, "wait_for_workers", ends)
+        with pytest.raises(ValueError, match="the scheduler .* does not answer"):
             fit_map(cubes.labelled(values), out=tmp_path / "m.zarr", client=client, sigma=0.002)
-        assert "waiting for workers: there is none" in told
-
-
-def limited(bytes_of_a_file):
-    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (bytes_of_a_file, bytes_of_a_file))
 
 
 def mounted(folder, options):
