@@ -19,7 +19,7 @@ from fitting.data.quantities import QUANTITIES
 from fitting.data.units import WAVELENGTH_UNITS, incidence_deg, span_of, wavelength_um
 from fitting.maps.map_store import MASKED, PENDING, STATUS, package
 from fitting.output.summary import counted
-from fitting.reader.vocabulary import unit_of
+from fitting.reader.names import unit_of
 from fitting.results.result_parts import NO_DATA, REFUSED
 
 QUANTITY, ANGLE, WAVELENGTH = POINTS = ("quantity", "angle", "wavelength")

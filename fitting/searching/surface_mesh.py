@@ -127,8 +127,10 @@ def _along_segments(nodes: np.ndarray, sums: _Sums) -> tuple[np.ndarray, np.ndar
 
     def over_data(curves: Sequence[np.ndarray], weights: np.ndarray) -> np.ndarray:
         # Small products: of large ones each has BLAS wait for its threads, ten times as long.
-        total: Any = sum(np.matmul(a.reshape(-1, len(w)), as_lanes(w))
-                         for a, w in zip(curves, weights, strict=True) if w.any())  # fmt: skip
+        pairs = [(a, w) for a, w in zip(curves, weights, strict=True) if w.any()]
+        # all of them 0: of data that are
+        pairs = pairs or [(curves[0], weights[0])]
+        total: Any = sum(np.matmul(a.reshape(-1, len(w)), as_lanes(w)) for a, w in pairs)
         return total.reshape(len(total), -1, nodes.shape[2], total.shape[-1])
 
     def squares(s: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -1,12 +1,14 @@
 """Materials from refractiveindex.info files and tables, against published indices; and written."""
 
+from types import SimpleNamespace
+
 import jax
 import mpmath as mp
 import numpy as np
 import pytest
 
 from fitting import simulate
-from fitting.output.export import material_texts
+from fitting.output.export import material_of
 from fitting.output.files import material_files
 from fitting.results.result_parts import IndexBand
 from fitting.samples.known_media import known_medium
@@ -146,12 +148,13 @@ def test_written_index_is_read_again(tmp_path):
     sigma = np.array([0.01, 0.02, 0.03])
 
     def written(name, *index):
-        texts = material_texts(
-            IndexBand(*index), 'Fit of "film.csv": fresnel-fit\nsecond line', "108.4 nm on silica",
-            {"temperature": "293", "sample": 'a "b"'},
+        file = SimpleNamespace(source='"film.csv": fresnel-fit\nsecond line', angle_deg=np.zeros(3))
+        found = SimpleNamespace(
+            index=lambda *_: IndexBand(*index), measurement=file, sample='air | "b"', parameters={},
+            shape=(), status="converged", warnings=(),
         )  # fmt: skip
         paths = [file.path for file in material_files(tmp_path / name)]
-        for path, text in zip(paths, texts, strict=True):
+        for path, text in zip(paths, material_of(found), strict=True):  # type: ignore[arg-type]
             path.write_text(text)
         return paths
 
