@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from fitting.data.quantities import REFLECTED
 from fitting.outcomes.doubtful_index import CONSTANT, index_at
 from fitting.outcomes.outcome import Solutions
 from fitting.problem.curve_lanes import shown_at
@@ -296,7 +295,7 @@ def _asked(fit: Problem) -> bool:
     media, known = fit.u.spec.media, {*fit.settings.names} - {*fit.settings.variants}
     return (
         len(media.index) == 1 and media.bare and isinstance(media.index[0], Model)
-        and {*fit.u.spec.channels} <= {*REFLECTED}
+        and {*fit.u.spec.channels} <= {"R_s", "R_p", "R"}
         and not {"eta", "k"} & {n.rpartition(".")[2] for n in known}
     )  # fmt: skip
 
