@@ -9,7 +9,7 @@ Fits run in float64, whether or not the caller has switched on jax_enable_x64.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -27,9 +27,9 @@ from fitting.outcomes.of_fit import Ended, fits_of, of_measurement
 from fitting.problem.observations import missing_errors
 from fitting.problem.problem import FitOptions, Kept
 from fitting.residuals.error_model import NEED_STATED, RELATIVE
-from fitting.results.diagnostics import ranked
+from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import FitData
-from fitting.results.result_parts import MISFIT
+from fitting.results.result_parts import AT_LOWER, AT_UPPER, CONVERGED, MISFIT
 from fitting.samples.parameters import Settings, check_search, settings_of
 from fitting.samples.sample import Sample
 from fitting.samples.sample_checks import check_fit
@@ -38,7 +38,8 @@ from fitting.searching.film_starts import film_starts, films_of
 from fitting.searching.search import searched
 from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
-from fitting.uncertainty.intervals import check_choices
+from fitting.uncertainty.intervals import QUADRATIC, check_choices
+from fitting.uncertainty.likelihood import MARGIN
 from fitting.uncertainty.stated_errors import covering, with_added_error
 from fitting.uncertainty.widening import widened
 from fitting.wavelengths import (
@@ -117,6 +118,8 @@ def fit_checked(
         )
     sample = checked_sample(measurements, sample)
     found = _general(measurements, sample, settings, asked)
+    run = partial(_general, measurements, sample)
+    found, settings = _beyond_ranges(run, found, settings, asked)
 
     def again(several: Sequence[Measurement], intervals: str) -> FitData:
         # Other weights move the minima little.
@@ -140,6 +143,38 @@ def fit_checked(
     if far and not missing and not settings.priors and found.errors.stated and asked.thorough:
         return covering(again, measurements, found)
     return found
+
+
+# Which end of the default ranges of Cauchy's coefficients a fit may leave, and for which range.
+_WIDER = {"A": (AT_UPPER, (1.0, 100.0)), **dict.fromkeys("BCDEFGH", (AT_LOWER, (-1e9, np.inf)))}
+
+
+def _beyond_ranges(
+    run: Callable[[Settings, FitOptions], FitData], found: FitData, settings: Settings,
+    asked: FitOptions,
+) -> tuple[FitData, Settings]:  # fmt: skip
+    """Return the fit beyond default ranges, if chi2 is lower there by more than noise decides."""
+    bounded, left = {n.rpartition(".")[2] for n in settings.bounds}, {}
+    for name, e in () if found.shape else found.parameters.items():
+        last = name.rpartition(".")[2]
+        end, wide = _WIDER.get(last, ("", None))
+        if e.status == end and last not in bounded:
+            left[name] = wide
+    settings, inside = settings._replace(bounds={**settings.bounds, **left}), settings
+    if not left:
+        return found, inside
+    quick = asked._replace(intervals=QUADRATIC, thorough=False, near=asked.kept_as)
+    quick = quick._replace(kept_as=f"{asked.kept_as} beyond its range")
+    beyond = with_headline(run(settings, quick))
+    # Of a sample that is not the true one an index that no solid has tells nothing.
+    if not (gain := found.bic - beyond.bic) > MARGIN or beyond.status != CONVERGED:
+        return found, inside
+    best = run(settings, asked._replace(near=quick.kept_as))
+    values = {"parameters": tuple(left), "gain": gain}
+    for key, of in (("values", best), ("ends", found)):
+        values[key] = tuple(float(of.parameters[n].value) for n in left)
+    told = Finding("range_left", np.True_, values)
+    return replace(best, findings=ranked([*best.findings, told])), settings
 
 
 def _general(

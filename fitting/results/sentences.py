@@ -292,6 +292,14 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
         lambda v: (("", f"--sample '{v['sample']}' --free scale"),)),
     "candidates_do_not_describe": (
         _no_candidate, lambda v: (("Errors wrong?", "--errors equal"),) * ("factor" in v)),
+    "range_left": (
+        lambda v: listed(_of_rows("{} is {:.4g}, beyond the end {:.3g} of its usual range", v,
+                                  "parameters", "values", "ends")) + (
+            ", since chi2 is lower there by {gain:.3g} (in units of the scatter). No clear solid "
+            "has such an index: there is absorption, or the sample is another one.").format_map(v),
+        lambda v: tuple(
+            ("To stay within it:", f"--bound {name}={'..' * (x > end)}{end:.3g}{'..' * (x < end)}")
+            for name, x, end in zip(v["parameters"], v["values"], v["ends"], strict=True))),
     "rising_index": (
         lambda v: f"{listed(v['indices'])} {'rises' if len(v['indices']) == 1 else 'rise'} with "
         "the wavelength in a part of the spectrum. Without absorption the index of no material "

@@ -20,9 +20,16 @@ def test_an_index_that_rises_with_the_wavelength_is_told(dispersion, told):
     rising = [f.values["indices"] for f in found.findings if f.code == "rising_index"]
     assert rising == [(name,) for name in told]
     assert ("rises with the wavelength" in str(found).replace("\n              ", "")) == bool(told)
-    # By default the range of B ends where the index of a clear material does.
+    # By default the range of B ends where the index of a clear material does, and is left only
+    # where chi2 asks for it; that is said first. A range of the caller's own is never left.
     usual = fit(m, sample, intervals="quadratic", starts=8)
-    assert (usual.parameters["B"].value > 0.0) == (dispersion > 0.0)
+    low, high = usual.parameters["B"].interval
+    assert low <= dispersion <= high
+    assert ([w.code for w in usual.warnings[:1]] == ["range_left"]) == (dispersion < 0.0)
+    if dispersion < 0.0:
+        assert usual.warnings[0].values["gain"] > 6.0
+        own = fit(m, sample, intervals="quadratic", starts=8, bounds={"B": (0.0, 0.1)})
+        assert own.parameters["B"].value == 0.0 and own.chi2 > usual.chi2 + 6.0
     assert simulate("cauchy:2", truth, 0.0, 0.5, "R") > 0.0  # any value, where it is given
 
 

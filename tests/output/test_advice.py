@@ -81,6 +81,12 @@ CASES = [
         {"sample": FILM},
         {"parameter": "thickness_nm", "without": 90.0},
     ),
+    (
+        "range_left",
+        spectrum(),
+        {"sample": "cauchy:2"},
+        {"parameters": ("A", "B"), "values": (7.0, -0.1), "ends": (6.0, 0.0), "gain": 9.0},
+    ),
     ("rising_index", spectrum(), {"sample": "cauchy:2"}, {"indices": ("eta",)}),
     ("low_index", GLASS, ONE, {"first": ("eta",)}),
     ("other_minima", p_at_two_angles(), {}, None),
