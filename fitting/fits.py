@@ -265,4 +265,4 @@ def fit(
     asked = FitOptions(errors, intervals, loss, seed, Kept({}, {}), starts, start)
     found = fit_checked(measurements, which, settings, asked)
     again = partial(fit_checked, measurements)
-    return Fit.of(explained(again, measurements, which, settings, asked, with_headline(found)))
+    return Fit.of(explained(again, which, settings, asked, with_headline(found)))

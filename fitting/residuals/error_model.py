@@ -150,13 +150,13 @@ def misses_without_freedom(cost: Any, plain: Any, count: Any, dof: Any, stated: 
     return (dof == 0) & (count > 0) & far
 
 
-def beyond_chance(chi2_reduced: Any, dof: Any) -> tuple[Any, Any]:
+def beyond_chance(chi2_reduced: Any, dof: Any, unlikely: float = UNLIKELY) -> tuple[Any, Any]:
     """Return where chi2 / dof is far above 1, and where it is far below.
 
-    That is beyond the `UNLIKELY` quantiles of its distribution, and above 1.3 or below 1 / 1.5:
+    That is beyond the ``unlikely`` quantiles of its distribution, and above 1.3 or below 1 / 1.5:
     less changes no error by much.
     """
     with np.errstate(all="ignore"):
         chi2 = np.asarray(dof) * chi2_reduced
-        large, small = chdtrc(dof, chi2) < UNLIKELY, chdtr(dof, chi2) < UNLIKELY
+        large, small = chdtrc(dof, chi2) < unlikely, chdtr(dof, chi2) < unlikely
     return large & (chi2_reduced > 1.3), small & (chi2_reduced < 1.0 / 1.5)

@@ -138,7 +138,8 @@ def _explained_by(v: Values) -> str:
         )
 
     each = "; or ".join(
-        f"{what}: {values(new)}, rms {rms:.4g}{'' if fits else ', still no noise'}, and then "
+        f"{what}: {values(new)}{', ' * bool(new)}rms {rms:.4g}"
+        f"{'' if fits else ', still no noise'}, and then "
         f"{values(after)}"
         for what, rms, fits, new, after in v["explanations"]
     )

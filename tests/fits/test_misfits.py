@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.studies.misfit_study import CASES, table, verdict
+from benchmarks.studies.misfit_study import CASES, measured, table, verdict
 from fitting import Measurement, choose, fit, fit_many, read_csv, simulate
 from fitting.outcomes.findings import MISFITS
 
@@ -177,8 +177,38 @@ def test_an_oxide_is_named_with_its_thickness_and_the_index_below_it():
     ((what, _, describes, new, after),) = told.values["explanations"]
     assert what.startswith("a layer of index 1.46") and describes
     # Of the layer the optical thickness is known, and silica has 1.458.
-    assert new["film.thickness_nm"][0] == pytest.approx(12.0, abs=0.7)
+    assert new["thickness_nm"][0] == pytest.approx(12.0, abs=0.7)
     assert after["eta"][0] == pytest.approx(3.9, abs=0.01)
+
+
+# What is named of misfits that R_s and R_p of a bare surface show, and of films.
+NAMED = {
+    "scale 2 %, bare s p": "scale", "angle .3, bare s p": "angle_offset",
+    "leak 3 %, bare s p": "leak", "roughness, bare s p": "a layer of index 1.46 on top",
+    "back face, R T": "a back face", "gradient, R": "a gradient of the index",
+    "oxide, psi Delta": "a layer of index 1.46 on the substrate",
+    "angle .3, psi Delta": "angle_offset",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.study] * ("bare" not in n)) for n in NAMED],
+)
+def test_a_random_misfit_is_told_and_its_cause_named(name):
+    """Of a film each cause compiles its own program."""
+    case = CASES[name]
+    m, truth = measured(case, np.random.default_rng([4, list(CASES).index(name)]))
+    found = fit(m, case.fitted)
+    assert found.status == "misfit"
+    (told,) = (w for w in found.warnings if w.code == "explained_by")
+    each = {what.partition(",")[0]: after for what, *_, after in told.values["explanations"]}
+    assert NAMED[name] in each
+    for parameter, (_, _, low, high) in each[NAMED[name]].items():
+        # Twice the 95 % interval. That roughness has index 1.8, and the layer that is named 1.46.
+        half = 0.5 * (high - low) * (6.0 if "roughness" in name else 1.0)
+        assert low - half <= truth[parameter] <= high + half
+    check_agreement(found)
 
 
 def test_the_study_counts_a_misfit_that_is_told(leaking):
