@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtrc
 
 from fitting.data.measurement import Measurement
 from fitting.data.quantities import are_powers
@@ -156,7 +157,12 @@ def explained(
         ]
         said.append((c.name, f.rms, f.status == CONVERGED, *each))
     if not said:
-        return found
+        if found.status == MISFIT or any(f.code == "chi2_large" for f in found.findings):
+            return found
+        chance = float(chdtrc(found.dof, found.dof * found.chi2_reduced))
+        values = {"chi2_reduced": float(found.chi2_reduced), "one_in": round(1.0 / chance)}
+        told = Finding("chi2_doubtful", np.True_, values)
+        return replace(found, findings=ranked([*found.findings, told]))
     told = Finding("explained_by", np.True_, {"explanations": said})
     return replace(found, status=MISFIT, findings=ranked([*found.findings, told]))
 

@@ -27,7 +27,8 @@ from fitting import Fit, Measurement, fit, simulate
 
 WAVES, ANGLES = np.linspace(0.42, 0.86, 60), np.linspace(20.0, 84.0, 33)
 NOISE = {"psi": 0.03, "delta": 0.08}  # degrees; of powers .002
-TOLD = ("chi2_large", "residuals_in_order", "errors_floor", "errors_relative", "errors_differ")
+TOLD = ("chi2_large", "chi2_doubtful", "residuals_in_order", "errors_floor", "errors_relative",
+        "errors_differ")  # fmt: skip
 
 
 class Case(NamedTuple):

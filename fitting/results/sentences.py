@@ -389,6 +389,11 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
         }[v["errors"]],
         lambda v: () if v["no_sample"]
         else (("Errors wrong?", "--errors equal"), *_instrument_errors(v))),
+    "chi2_doubtful": (
+        "reduced chi2 is {chi2_reduced:.4g}, which one right fit in {one_in} has by chance: the "
+        "stated errors may be a little too small, or something small of the sample or the "
+        "instrument is missing. None of the causes that were tried describes the data clearly "
+        "better.", ()),
     "compatible_with_zero": (
         lambda v: "{parameter} is compatible with 0 and too small for these data to determine: "
         "{parameter} < {limit:.4g} (95 %)".format_map(v) + f"{_others_hold(v)}."

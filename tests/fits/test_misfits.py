@@ -219,3 +219,18 @@ def test_the_study_counts_a_misfit_that_is_told(leaking):
     *rows, _, silent, held = table([("leak", v)])
     assert rows[-1].startswith("| all | 0 | 1 | 0 | 0 |")
     assert "0 (aim 0)" in silent and "100 %" in held
+
+
+def test_a_chi2_that_few_right_fits_have_is_told_without_a_cause():
+    rng = np.random.default_rng(5)
+    data = {
+        q: simulate("free", {"eta": 2.1, "k": 0.9}, ANGLES, 0.532, q) + 2e-3 * rng.normal(size=16)
+        for q in ("R_s", "R_p")
+    }
+    alone = fit(Measurement.from_columns(ANGLES, 0.532, sigma=2e-3, **data))
+    for reduced, told in ((1.2, False), (1.55, True)):
+        sigma = 2e-3 * float(np.sqrt(alone.chi2_reduced / reduced))  # for exactly this chi2/dof
+        found = fit(Measurement.from_columns(ANGLES, 0.532, sigma=sigma, **data))
+        assert (found.status, "chi2_doubtful" in codes(found)) == ("converged", told)
+    (doubt,) = (w for w in found.warnings if w.code == "chi2_doubtful")
+    assert doubt.text.startswith("reduced chi2 is 1.55, which one right fit in 36 has by chance")
