@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def run(home):
     """What the command prints of a fit whose two programs compile in half a second."""
-    command = [sys.executable, "-W", "error", "-m", "fitting", str(GOLD), "--sample", "constant"]
+    command = [sys.executable, "-W", "error", "-m", "fitting", str(GOLD), "--errors", "equal"]
     done = subprocess.run(
         [*command, "--json", "-"],
         capture_output=True, text=True, cwd=ROOT, env={**os.environ, "XDG_CACHE_HOME": str(home)},
