@@ -157,7 +157,8 @@ def explained(
         ]
         said.append((c.name, f.rms, f.status == CONVERGED, *each))
     if not said:
-        if found.status == MISFIT or any(f.code == "chi2_large" for f in found.findings):
+        # What chance gives in one fit of a thousand is told already, or the errors are corrected.
+        if found.status == MISFIT or beyond_chance(found.chi2_reduced, found.dof)[0]:
             return found
         chance = float(chdtrc(found.dof, found.dof * found.chi2_reduced))
         values = {"chi2_reduced": float(found.chi2_reduced), "one_in": round(1.0 / chance)}
