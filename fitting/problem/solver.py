@@ -15,8 +15,11 @@ Bounds: a lane on a bound whose gradient points outwards keeps that unknown fixe
 cross a bound is cut there, and the other unknowns are solved again with it fixed, so that the lane
 moves along the bound.
 
-Marquardt's scaling: D. W. Marquardt, J. SIAM 11, 431 (1963), doi:10.1137/0111030. Gain ratio and
-bounds: J. Nocedal and S. J. Wright, *Numerical Optimization* (2006), sections 10.3 and 16.7.
+Marquardt's scaling: D. W. Marquardt, J. SIAM 11, 431 (1963), doi:10.1137/0111030, with the largest
+diagonal that a lane has met: J. J. More, Lecture Notes in Mathematics 630, 105 (1978). Where the
+data do not change with an unknown, as R does not with n at n^2 = 1 + k^2, its own diagonal would
+not damp it; such a lane went to and fro, and crept along its valley. Gain ratio and bounds: J.
+Nocedal and S. J. Wright, *Numerical Optimization* (2006), sections 10.3 and 16.7.
 """
 
 from __future__ import annotations
@@ -50,12 +53,13 @@ NO_NOISE, _WITHOUT_NOISE = 1e-12, 1e-6
 class BatchState(NamedTuple):
     """State of a batch: the sums at y, and the next step that follows from them.
 
-    sums: as `normal_sums` has them, (p + 1, p + 1, L). trial, promised: the damped step (p, L) and
-    the decrease of the cost by the linear model (L,). full: the same step without damping. done,
-    damping, evaluations: (L,). steps: ().
+    sums: as `normal_sums` has them, (p + 1, p + 1, L). scale: of the damping, (p, L). trial,
+    promised: the damped step (p, L) and the decrease of the cost by the linear model (L,). full:
+    the same step without damping. done, damping, evaluations: (L,). steps: ().
     """
 
     sums: Array
+    scale: Array
     damping: Array
     trial: Array
     promised: Array
@@ -137,9 +141,12 @@ def solve_lanes(matrix: Array, rhs: Array, free: Array) -> Array:
 def bounded_step(
     y: Array, sums: Array, lower: Array, upper: Array, damping: Array
 ) -> tuple[Array, Array]:
-    """Return the damped step within the bounds, and the decrease of the cost by the model."""
+    """Return the damped step within the bounds, and the decrease of the cost by the model.
+
+    damping: (p, L), of the diagonal.
+    """
     gradient, matrix = sums[0, 1:], sums[1:, 1:]
-    damped = matrix * (1.0 + jnp.eye(len(y), dtype=y.dtype)[:, :, None] * damping)
+    damped = matrix + jnp.eye(len(y), dtype=y.dtype)[:, :, None] * damping
 
     def out_of(step: Array) -> Array:
         return ((y <= lower) & (step < 0.0)) | ((y >= upper) & (step > 0.0))
@@ -226,7 +233,7 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         sums = jnp.zeros((p + 1, p + 1, *none.shape), y.dtype).at[0, 0].set(jnp.inf)
         damping = options.get("damping", none + START_DAMPING)
         count, zero = jnp.zeros(none.shape, jnp.int32), jnp.zeros_like(y)
-        return BatchState(sums, damping, zero, none, zero, none > 0.0, count, jnp.array(0))
+        return BatchState(sums, zero, damping, zero, none, zero, none > 0.0, count, jnp.array(0))
 
     def step(self, fn, y, args, options, state, tags):
         """Return (y, state) after one trial step of every lane that is not done."""
@@ -247,7 +254,8 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         sums = jnp.where(better, sums, state.sums)
         # The damped and the full step are one call, side by side: half the code to compile.
         twice = [jnp.concatenate([a, a], -1) for a in (y, sums, lower, upper)]
-        both = jnp.concatenate([damping, jnp.zeros_like(damping)])
+        scale = jnp.maximum(state.scale, jnp.einsum("iil->il", sums[1:, 1:]))
+        both = jnp.concatenate([scale * damping, jnp.zeros_like(scale)], -1)
         step, falls = bounded_step(twice[0], twice[1], twice[2], twice[3], both)
         lanes = y.shape[1]
         promised, fall = falls[:lanes], falls[lanes:]
@@ -264,7 +272,7 @@ class BatchLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         evaluations = state.evaluations + jnp.where(state.done, 0, 1).astype(jnp.int32)
         done, full = state.done | ended, step[:, lanes:]
         after = BatchState(
-            sums, damping, ahead, promised, full, done, evaluations, state.steps + 1
+            sums, scale, damping, ahead, promised, full, done, evaluations, state.steps + 1
         )  # fmt: skip
         return y, after, None
 

@@ -134,6 +134,18 @@ def test_the_slowest_of_a_million_curves_come_to_rest(geometry, curve):
 
 
 @pytest.mark.study
+def test_a_lane_does_not_creep_where_n_has_no_effect():
+    """At n^2 = 1 + k^2, of R near the normal. The end of the circle was shown, 38 of chi2 above."""
+    batch, _ = draw(991, 34)
+    batch = batch.take(np.array([534]))
+    angles, data = batch.padded()
+    found = fit_many(angles, **data, errors="equal")
+    truth = {"eta": batch.eta, "k": batch.k}
+    best = fit_many(angles, **data, errors="equal", start=truth)
+    assert found.cost == pytest.approx(best.cost, rel=1e-6)
+    assert [found.eta[0], found.k[0]] == pytest.approx([2.409, 2.381], abs=2e-3)
+
+
 def test_curves_of_a_batch_start_as_they_would_alone():
     """Gaps leave some with few angles, which take a mesh of their own; so do empty curves."""
     angles = np.linspace(20.0, 80.0, 30)
