@@ -31,7 +31,7 @@ def _stack(c, index, thickness, wavelength, **options):
 
 
 def _media(index):
-    return [index[0], layers.Uniaxial(index[1], index[2]), index[1], index[3]]
+    return [index[0], layers.Uniaxial(index[1], index[2]), index[3]]
 
 
 def _uniaxial(c, index, thickness, wavelength, **options):
@@ -132,8 +132,8 @@ def calls() -> dict[str, tuple[Any, ...]]:
         "layers.stack of many wavelengths": (
             lambda w: _stack(0.5, [1.0, 1.4, 1.5], [0.1], w), WAVE,
         ),
-        "layers.stack of uniaxial media": (_uniaxial, COS, INDEX + 0.01j, FILMS, WAVE),
-        "layers.fields_at_depth": (_in_depth, *stacked, ALPHA),
+        "layers.stack of uniaxial media": (_uniaxial, COS, INDEX + 0.01j, FILMS[:1], WAVE),
+        "layers.fields_at_depth": (_in_depth, COS, INDEX, FILMS[:1], WAVE, ALPHA),
         "layers.graded_layer": (
             lambda n, d: layers.graded_layer(lambda z: n[None] * (1.0 + 0.1 * z), d, layers=2),
             ETA, FILMS[0],

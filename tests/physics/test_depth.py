@@ -67,8 +67,10 @@ def test_the_integral_over_a_layer_is_what_it_absorbs():
     media = [1.3, Uniaxial(1.8 + 0.2j, 1.4 + 0.01j), 1.6]
     with jax.enable_x64(True):
         depth = 0.5 * d * (z[:, None] + 1.0)
-        found = fields_at_depth(c, media, depth_um=depth, **options)
-        powers = stack(c, media, exact=False, **options)
+        found, powers = jax.jit(lambda c: (
+            fields_at_depth(c, media, depth_um=depth, **options),
+            stack(c, media, exact=False, **options),
+        ))(c)  # fmt: skip
     for a, R, T in (
         (found.absorption_s, powers.R_s, powers.T_s),
         (found.absorption_p, powers.R_p, powers.T_p),

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from fresnel_jax.layers import stack
+from tests.physics.stacks import MANY, stack_of_many
 from tests.truth import stack_oracle
 
 DTYPES = [np.float32, np.float64]
@@ -21,16 +22,6 @@ FLOAT32_FIRST = pytest.mark.parametrize(
     "dtype", [np.float32, pytest.param(np.float64, marks=pytest.mark.study)]
 )
 CASES = 12
-MANY = 50_000
-
-
-def _stack_of_many(c, index, d, wavelength):
-    """`stack` of cases on the last axis, by the program for MANY: each takes seconds to compile."""
-    count = c.size
-    places = np.arange(MANY) % count
-    c, index, d, wavelength = (np.take(z, places, axis=-1) for z in (c, index, d, wavelength))
-    found = stack(c, index, thickness_um=d, wavelength_um=wavelength)
-    return jax.tree.map(lambda z: z[..., :count], found)
 
 
 def _draw(kind, layers, dtype, rng):
@@ -85,7 +76,7 @@ def _stacks(layers, dtype):
 def test_powers_and_amplitudes_of_hard_stacks(layers, dtype):
     c, n, k, d, wavelength = _stacks(layers, dtype)
     media = n + np.asarray(1j, np.result_type(dtype, np.complex64)) * k
-    got = _stack_of_many(c, media, d, wavelength)
+    got = stack_of_many(c, media, d, wavelength)
     assert got.R_s.dtype == dtype
     values = [np.asarray(z).astype(complex) for z in got[:8]]
     assert all(np.all(np.isfinite(z)) for z in values)
@@ -101,8 +92,8 @@ def test_powers_and_amplitudes_of_hard_stacks(layers, dtype):
             if j >= 4:
                 size = max(1.0, size)
             assert error <= 64 * eps * size + least, (KINDS[i // CASES], i, j, error / size / eps)
-    total = np.asarray(got.R_s + got.T_s + jnp.sum(got.A_s, 0), float)
-    total_p = np.asarray(got.R_p + got.T_p + jnp.sum(got.A_p, 0), float)
+    total = np.asarray(got.R_s + got.T_s + got.A_s.sum(0), float)
+    total_p = np.asarray(got.R_p + got.T_p + got.A_p.sum(0), float)
     lossless_front = k[0] == 0.0
     for sums in (total, total_p):
         assert np.max(np.abs(sums[lossless_front] - 1.0)) < 64 * eps
@@ -129,13 +120,13 @@ def test_energy_in_modes_at_grazing_incidence(dtype):
     wavelength = [0.4208414969275774, 0.8653554393843139, 0.9912698232846839]
     index = np.asarray(n, dtype).T + np.zeros((), np.result_type(dtype, np.complex64))
     given = np.asarray(c, dtype), index, np.asarray(d, dtype).T, np.asarray(wavelength, dtype)
-    got = _stack_of_many(*given)
+    got = stack_of_many(*given)
     for R, T in ((got.R_s, got.T_s), (got.R_p, got.T_p)):
         assert np.max(np.abs(np.asarray(R + T, float) - 1.0)) < 64 * float(np.finfo(dtype).eps)
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("layers", [1, 3])
+@pytest.mark.parametrize("layers", [pytest.param(1, marks=pytest.mark.study), 3])
 def test_energy_of_lossy_films_at_grazing_incidence(layers, dtype):
     """R + T + sum(A) - 1 was up to 1,704 eps where R was formed of W; 49 is the most in 5e4 stacks
     each of one to three layers (jaxlib 0.10.1). With 0.12 one is 69, at a mode where one eps of
@@ -287,7 +278,7 @@ def test_dT_by_a_cosine_of_0_and_close_to_it(dtype):
 
 
 def test_derivatives_of_hard_stacks():
-    for kind, errors in _derivative_errors(4, np.float64, 1, jax.jacrev, 4).items():
+    for kind, errors in _derivative_errors(2, np.float64, 2, jax.jacrev, 4).items():
         assert max(errors) <= 200, (kind, errors)
 
 
