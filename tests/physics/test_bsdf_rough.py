@@ -4,6 +4,7 @@ import json
 import pathlib
 
 import equinox as eqx
+import jax
 import numpy as np
 import pytest
 from jaxtyping import ArrayLike
@@ -16,6 +17,7 @@ MODES = list(TransportMode)
 METALS = {"Au": (0.43, 2.455), "Fe": (2.87, 3.36)}
 
 evaluate = eqx.filter_jit(lambda model, wo, wi, mode: model.evaluate(wo, wi, mode))
+adjoint = eqx.filter_jit(bsdf.adjoint)
 density = eqx.filter_jit(lambda model, wo, wi, lobes: model.density(wo, wi, lobes))
 sample = eqx.filter_jit(
     lambda model, wo, u_lobe, u, lobes, mode: model.sample(wo, u_lobe, u, lobes, mode)
@@ -88,7 +90,7 @@ def test_reciprocity_and_adjoint(name):
     np.testing.assert_allclose(back / eta_i**2, forth / eta_o**2, rtol=1e-10)
     importance = evaluate(model, wo, wi, TransportMode.IMPORTANCE)
     np.testing.assert_allclose(importance, (eta_i / eta_o) ** 2 * forth, rtol=1e-10)
-    np.testing.assert_allclose(importance, bsdf.adjoint(model, wo, wi), rtol=1e-10)
+    np.testing.assert_allclose(importance, adjoint(model, wo, wi), rtol=1e-10)
     np.testing.assert_allclose(importance, back, rtol=1e-10)
 
 
@@ -96,7 +98,7 @@ def test_reciprocity_and_adjoint(name):
     ("lobes", "mode"),
     [
         (Lobes.ALL, TransportMode.RADIANCE),
-        (Lobes.ALL, TransportMode.IMPORTANCE),
+        pytest.param(Lobes.ALL, TransportMode.IMPORTANCE, marks=pytest.mark.study),
         pytest.param(Lobes.REFLECTION, TransportMode.RADIANCE, marks=pytest.mark.study),
         (Lobes.TRANSMISSION, TransportMode.IMPORTANCE),
     ],
@@ -106,7 +108,8 @@ def test_a_sample_agrees_with_evaluate_and_density(name, lobes, mode):
     model, rng = HARD[name], np.random.default_rng(1)
     wo = sphere(rng, 20000)
     s = sample(model, wo, rng.uniform(size=20000), rng.uniform(size=(20000, 2)), lobes, mode)
-    good = np.asarray(s.valid)
+    s = jax.tree.map(np.asarray, s)
+    good = s.valid
     if lobes is Lobes.TRANSMISSION and not isinstance(model, Dielectric):
         assert not good.any()
         return
@@ -122,7 +125,7 @@ def test_a_sample_agrees_with_evaluate_and_density(name, lobes, mode):
     weight = np.asarray(value) * cosine / np.where(good, p, 1.0)
     np.testing.assert_allclose(np.asarray(s.weight)[some], weight[some], rtol=1e-6)
     # XLA computes each result in a loop of its own, in which cos_i may round differently
-    quotient = s.value * cosine / s.density
+    quotient = s.value * cosine / np.where(good, s.density, 1.0)
     np.testing.assert_allclose(np.asarray(s.weight)[some], quotient[some], rtol=1e-11)
     assert not np.any(np.asarray(s.weight)[~good]) and not np.any(np.asarray(s.density)[~good])
     if mode is TransportMode.IMPORTANCE:

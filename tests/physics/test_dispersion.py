@@ -180,14 +180,14 @@ def test_sellmeier_on_a_pole_is_infinite_and_documented():
 def test_faddeeva_function_and_its_derivative(dtype):
     """Against mpmath's complementary error function, which has its own series and fractions."""
     random = np.random.default_rng(5)
-    x = np.concatenate([random.uniform(-10, 10, 40), random.normal(0, 200, 20)]).astype(dtype)
-    y = (10.0 ** random.uniform(-4, 1.5, 60)).astype(dtype)
+    x = np.concatenate([random.uniform(-10, 10, 20), random.normal(0, 200, 10)]).astype(dtype)
+    y = (10.0 ** random.uniform(-4, 1.5, 30)).astype(dtype)
     compiled = jax.jit(lambda x, y: jax.jvp(faddeeva, (x, y), (jnp.ones_like(x), 0 * y)))
     (re, im), (d_re, d_im) = compiled(x, y)
     assert re.dtype == d_re.dtype == dtype
     errors, slope_errors = [], []
     with mp.workdps(60):
-        for i in range(60):
+        for i in range(30):
             z = mp.mpc(float(x[i]), float(y[i]))
             # beyond |z| = 25 the continued fraction has 60 digits and erfc none that count
             if abs(z) < 25:
@@ -269,8 +269,9 @@ def test_derivatives_against_differences(name):
         return jnp.sum(eta) + 0.7 * jnp.sum(k)
 
     wavelengths = jnp.array([0.55, 0.81, 1.2])
-    gradient = jax.jit(jax.grad(value, (0, 1), allow_int=True))(model, wavelengths)
-    compiled = jax.jit(value)
+    # one program for both
+    compiled = jax.jit(jax.value_and_grad(value, (0, 1), allow_int=True))
+    gradient = compiled(model, wavelengths)[1]
     leaves, tree = jax.tree.flatten((model, wavelengths))
     slopes = jax.tree.leaves(gradient)
     assert len(leaves) == len(slopes)
@@ -278,7 +279,7 @@ def test_derivatives_against_differences(name):
     for i, (leaf, slope) in enumerate(zip(leaves, slopes, strict=True)):
         for position in np.ndindex(leaf.shape):
             up, down = (
-                compiled(*jax.tree.unflatten(tree, [*leaves[:i], moved, *leaves[i + 1 :]]))
+                compiled(*jax.tree.unflatten(tree, [*leaves[:i], moved, *leaves[i + 1 :]]))[0]
                 for moved in (leaf.at[position].add(step), leaf.at[position].add(-step))
             )
             difference = float((up - down) / (2 * step))

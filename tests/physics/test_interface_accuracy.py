@@ -13,7 +13,8 @@ from tests.truth import adversarial, oracle
 
 VALUE_BOUND = 12.0  # eps
 GRADIENT_BOUND = 200.0  # eps of the gradient's norm
-GRADIENTS_EVERY = 5  # of the points of a hard set; `make accuracy` takes all of them
+# Of the points of a hard set; `make accuracy` takes all of them.
+VALUES_EVERY, GRADIENTS_EVERY = 2, 10
 
 
 def _cases():
@@ -28,7 +29,7 @@ def _cases():
 on_hard_sets = pytest.mark.parametrize("dtype, name, leave_out", list(_cases()))
 
 
-def hard_points(dtype, name, leave_out, every=1):
+def hard_points(dtype, name, leave_out, every=VALUES_EVERY):
     """The points, and the same arguments with what can be left out as Python numbers."""
     c, n, k, m = points = tuple(x[::every] for x in adversarial.hard_sets(dtype)[name])
     if not leave_out:

@@ -55,13 +55,13 @@ def test_compiled_vmapped_and_eager_agree(function, name):
     points = tuple(x[:8] for x in adversarial.hard_sets(np.float64)[name])
     compiled = jax.jit(function)(*points)
     vmapped = jax.vmap(function)(*points)
-    loop = [function(*(x[i] for x in points)) for i in range(8)]
+    loop = np.stack([function(*(x[i] for x in points)) for i in range(8)], axis=1)
     with jax.disable_jit():
         eager = function(*points)
     # Compiled code may contract products and sums; both are within 12 eps of the truth.
     tolerance = dict(rtol=24 * EPS, atol=EPS**2)
     for j, result in enumerate(compiled):
-        for other in (vmapped[j], [one[j] for one in loop], eager[j]):
+        for other in (vmapped[j], loop[j], eager[j]):
             np.testing.assert_allclose(np.asarray(other), np.asarray(result), **tolerance)
 
 

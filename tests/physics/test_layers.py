@@ -94,17 +94,20 @@ def test_glass_by_hand():
     assert float(found.T) == pytest.approx(0.96 / 1.04, rel=1e-14)
 
 
+MANY = 20_000  # of both tests below, which run in the same programs
+
+
 @DTYPES
 def test_nothing_is_lost_without_absorption_and_something_with_it(dtype):
     random = np.random.default_rng(2)
-    c, n, m = (random.uniform(low, high, 500).astype(dtype) for low, high in
+    c, n, m = (random.uniform(low, high, MANY).astype(dtype) for low, high in
                ((0.0, 1.0), (0.3, 4.0), (1.0, 2.0)))  # fmt: skip
     d, wavelength = dtype(50.0), dtype(0.6)
     clear = slab(c, n, 0.0, thickness_um=d, wavelength_um=wavelength, eta_i=m)
     eps = np.finfo(dtype).eps
     for R, T in ((clear.R_s, clear.T_s), (clear.R_p, clear.T_p)):
         np.testing.assert_allclose(np.asarray(R) + np.asarray(T), 1.0, rtol=0, atol=16 * eps)
-    k = (10.0 ** random.uniform(-4, 1, 500)).astype(dtype)
+    k = (10.0 ** random.uniform(-4, 1, MANY)).astype(dtype)
     dim = slab(c, n, k, thickness_um=d, wavelength_um=wavelength, eta_i=m)
     for R, T in ((dim.R_s, dim.T_s), (dim.R_p, dim.T_p)):
         R, T = np.asarray(R), np.asarray(T)
@@ -115,9 +118,9 @@ def test_nothing_is_lost_without_absorption_and_something_with_it(dtype):
 def test_no_slab_reflects_more_than_it_gets(dtype):
     """Grazing light: R was an eps above 1 for 2 to 5 % of such points in float32."""
     random = np.random.default_rng(3)
-    c = (10.0 ** random.uniform(-9, -0.5, 20_000)).astype(dtype)
-    n, m = (random.uniform(low, 4.0, 20_000).astype(dtype) for low in (0.2, 1.0))
-    for k in (0.0, (10.0 ** random.uniform(-12, 1, 20_000)).astype(dtype)):
+    c = (10.0 ** random.uniform(-9, -0.5, MANY)).astype(dtype)
+    n, m = (random.uniform(low, 4.0, MANY).astype(dtype) for low in (0.2, 1.0))
+    for k in (0.0, (10.0 ** random.uniform(-12, 1, MANY)).astype(dtype)):
         found = slab(c, n, k, thickness_um=dtype(100.0), wavelength_um=dtype(0.5), eta_i=m)
         for power in found:
             power = np.asarray(power)
@@ -126,30 +129,24 @@ def test_no_slab_reflects_more_than_it_gets(dtype):
 
 @DTYPES
 def test_limits(dtype):
-    c, n, wavelength, eps = dtype(0.8), dtype(1.7), dtype(0.5), np.finfo(dtype).eps
-    opaque, face = (
-        slab(c, n, dtype(3.0), thickness_um=dtype(1e6), wavelength_um=wavelength),
-        powers(c, n, dtype(3.0)),
-    )
-    assert [float(x) for x in opaque] == [float(face.R_s), float(face.R_p), 0.0, 0.0]
-    matched = slab(c, n, dtype(0.0), thickness_um=dtype(100.0), wavelength_um=wavelength, eta_i=n)
-    assert [float(x) for x in matched] == [0.0, 0.0, 1.0, 1.0]
-    # total reflection, thick and of no thickness
-    for d in (0.0, 1e3):
-        total = slab(
-            dtype(0.1),
-            dtype(1.0),
-            dtype(0.0),
-            thickness_um=dtype(d),
-            wavelength_um=wavelength,
-            eta_i=dtype(1.5),
-        )
-        assert [float(x) for x in total] == [1.0, 1.0, 0.0, 0.0]
-    grazing = slab(dtype(0.0), n, dtype(0.1), thickness_um=dtype(1.0), wavelength_um=wavelength)
-    np.testing.assert_allclose([float(x) for x in grazing], [1, 1, 0, 0], rtol=12 * eps)
+    eps, rows = np.finfo(dtype).eps, np.array([  # cosine, n, k, d, eta_i
+        (0.8, 1.7, 3.0, 1e6, 1.0), (0.8, 1.7, 0.0, 100.0, 1.7),
+        # total reflection, thick and of no thickness
+        (0.1, 1.0, 0.0, 0.0, 1.5), (0.1, 1.0, 0.0, 1e3, 1.5),
+        (0.0, 1.7, 0.1, 1.0, 1.0), (1e-25, 1.7, 0.0, 1.0, 1.0),
+    ], dtype)  # fmt: skip
+    c, n, k, d, m = np.resize(rows, (50, 5)).T  # the shape of the hard sets above
+    wavelength = np.full(50, 0.5, dtype)
+    light = np.array(slab(c, n, k, thickness_um=d, wavelength_um=wavelength, eta_i=m))
+    opaque, matched, *total, grazing, faint = light[:, :6].T
+    face = powers(c, n, k, m)
+    assert opaque.tolist() == [face.R_s[0], face.R_p[0], 0.0, 0.0]
+    assert matched.tolist() == [0.0, 0.0, 1.0, 1.0]
+    for one in total:
+        assert one.tolist() == [1.0, 1.0, 0.0, 0.0]
+    np.testing.assert_allclose(grazing, [1, 1, 0, 0], rtol=12 * eps)
     # T1^2 would underflow in float32, as the product of the two faces does
-    faint = slab(dtype(1e-25), n, dtype(0.0), thickness_um=dtype(1.0), wavelength_um=wavelength)
-    assert float(faint.T_s) == pytest.approx(float(powers(dtype(1e-25), n).T_s) / 2, rel=1e-5)
+    assert faint[2] == pytest.approx(float(face.T_s[5]) / 2, rel=1e-5)
 
 
 def _parameters():
@@ -174,14 +171,14 @@ def of_slab(c, n, k, thickness, wavelength, eta_i):
 def test_gradients_against_differences_in_100_digits(dtype, bound):
     """Bound in eps of each gradient's largest part, times 1 + the optical depth."""
     eps = float(np.finfo(dtype).eps)
-    for parameters in _parameters():
-        point = [dtype(x) for x in parameters]
-        exactly = [float(x) for x in point]
+    points = np.array(list(_parameters()), dtype)
+    jacobian = jax.jit(jax.vmap(jax.jacrev(of_slab, argnums=(0, 1, 2, 3, 4, 5))))
+    slopes = np.array(jacobian(*points.T))  # results, arguments, points
+    for parameters, slope in zip(points, np.moveaxis(slopes, -1, 0), strict=True):
+        exactly = [float(x) for x in parameters]
         # the oracle has eta_i fourth
         *_, depth = exact(*exactly[:3], exactly[5], *exactly[3:5])
-        for j in range(4):
-            ours = jax.grad(lambda *x, j=j: of_slab(*x)[j], argnums=(0, 1, 2, 3, 4, 5))(*point)
-            ours = np.array([float(x) for x in ours])
+        for j, ours in enumerate(slope):
             true = np.array([_difference(exactly, i, j) for i in range(6)])
             # each by its relative change, so that micrometres and k = 1e-7 can be compared
             unit = np.maximum(np.abs(exactly), 1e-9)

@@ -97,7 +97,7 @@ def hard_cosines(kind, eta, rng, eps):
 def test_refracted_cosine_has_a_small_relative_error(kind, dtype):
     rng = np.random.default_rng(2)
     eps = np.finfo(dtype).eps
-    eta = np.exp(rng.uniform(-np.log(4.0), np.log(4.0), 1500)).astype(dtype)
+    eta = np.exp(rng.uniform(-np.log(4.0), np.log(4.0), 500)).astype(dtype)
     w = directions_with_cosine(hard_cosines(kind, eta, rng, eps), rng, dtype)
     direction, along, valid = refract(w, UP.astype(dtype), eta)
     assert direction.dtype == along.dtype == dtype
@@ -273,7 +273,8 @@ def test_derivatives_against_differences():
     difference = (
         8 * (along_curve(h) - along_curve(-h)) - (along_curve(2 * h) - along_curve(-2 * h))
     ) / (12 * h)  # error h^4
-    np.testing.assert_allclose(jax.jacfwd(along_curve)(0.0), difference, rtol=0, atol=1e-10)
+    slope = jax.jit(jax.jacfwd(along_curve))(0.0)
+    np.testing.assert_allclose(slope, difference, rtol=0, atol=1e-10)
 
 
 def test_derivative_at_normal_incidence():

@@ -103,5 +103,3 @@ def test_jit_eager_vmap_and_dtype(name, dtype):
     batch = function(*arguments)
     assert_alike(jax.jit(function)(*arguments), batch, dtype)
     assert_alike(jax.jit(jax.vmap(function))(*arguments), batch, dtype)
-    one = function(*(a[3] for a in arguments))
-    assert_alike(one, jax.tree.map(lambda x: x[3], batch), dtype)
