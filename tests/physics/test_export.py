@@ -43,8 +43,8 @@ CALLS = {
 }
 
 
-# They compile for seconds, and their result is that of "stack".
-STUDIES = ("fast stack", "incoherent")
+# Their results are those of "stack", "powers", "psi_delta" and "refract".
+STUDIES = ("fast stack", "incoherent", "reflectance", "phases", "local_frame")
 
 
 @pytest.mark.parametrize(

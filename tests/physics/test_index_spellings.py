@@ -30,9 +30,16 @@ ONE_BOUNDARY = [
     lambda c, *index: approximate.gulbrandsen_parameters(*index),
     lambda c, *index: bsdf.FresnelConductor(*index)(c),
 ]
+FURTHER = (
+    polarization.phases, polarization.ellipsometric_ratio, polarization.mueller_reflection,
+    approximate.lazanyi_szirmay_kalos, approximate.f82, approximate.large_index,
+)  # fmt: skip
 
 
-@pytest.mark.parametrize("function", ONE_BOUNDARY)
+# Of functions that hand their index on in the same way, one.
+@pytest.mark.parametrize("function", [
+    pytest.param(f, marks=[pytest.mark.study] * (f in FURTHER)) for f in ONE_BOUNDARY
+])  # fmt: skip
 def test_three_spellings_are_one_index(function):
     """`reflectance(.9, gold)` without the star was [1.0, .18], two lossless media, for .792."""
     pair = function(0.9, *GOLD)
@@ -55,7 +62,7 @@ def test_the_gradient_by_an_index_is_an_index():
     np.testing.assert_allclose(by_index, by_pair, rtol=1e-6)
 
 
-@pytest.mark.parametrize("exact", [True, False])
+@pytest.mark.parametrize("exact", [pytest.param(True, marks=pytest.mark.study), False])
 def test_media_of_a_stack(exact):
     want = layers.stack(
         0.9, [1.0, GOLD.complex, 1.5], thickness_um=[0.01], wavelength_um=0.55, exact=exact

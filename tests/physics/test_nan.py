@@ -150,7 +150,7 @@ def test_a_material_outside_its_range_is_no_mirror():
     assert np.isnan(np.asarray(polarization.mueller_refraction(NAN, 1.5))[2, 2])
 
 
-@DTYPES
+@FLOAT32_IN_STUDIES
 def test_directions(dtype):
     up, w = np.array([0, 0, 1], dtype), np.array([0.6, 0.0, 0.8], dtype)
     for i in range(3):
@@ -247,7 +247,7 @@ def test_a_thin_slab_of_an_unknown_index_neither_reflects_nor_transmits():
     assert np.isnan(np.asarray(ThinDielectric(NAN).powers(0.5))).all()
 
 
-@DTYPES
+@FLOAT32_IN_STUDIES
 def test_roughness_and_normals(dtype):
     facets = TrowbridgeReitz(dtype(0.3))
     w, broken = np.array([0.6, 0.0, 0.8], dtype), np.array([0.6, NAN, 0.8], dtype)

@@ -41,7 +41,7 @@ def test_shares_keep_their_digits(dtype):
     true = [textbook(*x) for x in zip(c, n, m, strict=True)]
     both = jax.jit(shares, static_argnums=3)
     for exactly in (True, False):
-        found = both(c, n, m, exactly)
+        found = jax.tree.map(np.asarray, both(c, n, m, exactly))
         assert found.R.dtype == found.T.dtype == dtype
         for i, (R, T) in enumerate(true):
             assert abs(float(found.R[i]) - R) <= 12 * eps * R
@@ -74,14 +74,15 @@ def test_shares_at_singular_points(dtype):
         jnp.asarray([1.5, 1.5, 1.5, 1.5, 1.5], dtype),
     )
     for exactly in (True, False):
-        R, T = shares(c, n, m, exactly)
+        R, T = jax.jit(shares, static_argnums=3)(c, n, m, exactly)
         assert np.array_equal(R, [0.0, 0.0, 0.0, 1.0, 1.0])
         assert np.array_equal(T, [1.0, 1.0, 1.0, 0.0, 0.0])
 
 
 def test_derivatives_of_shares_against_many_digits():
     c, n, m = (x[300:] for x in hard_points(np.float64))  # ordinary points
-    slopes = jax.vmap(jax.jacfwd(lambda *x: shares(*x, True), argnums=(0, 1, 2)))(c, n, m)
+    jacobian = jax.jit(jax.vmap(jax.jacfwd(lambda *x: shares(*x, True), argnums=(0, 1, 2))))
+    slopes = jax.tree.map(np.asarray, jacobian(c, n, m))
     for i in range(len(c)):
         s, p = oracle.reflectance_gradients(c[i], n[i], 0.0, m[i])
         true = np.array([float((s[x] + p[x]) / 2) for x in (0, 1, 3)])  # but for k

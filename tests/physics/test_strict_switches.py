@@ -65,8 +65,13 @@ def of_few(name):
     return not name.startswith("layers.stack") or name in STACKS
 
 
+# Of one boundary: what prepares the arguments of the others is that of `reflectance` and `powers`.
+VARIANTS = (" of k", " without k", " of integers")
+
+
 def is_study(name, dtype):
-    return name in FURTHER or dtype == "float64"
+    variant = name.endswith(VARIANTS) and not name.startswith("interface.")
+    return name in FURTHER or dtype == "float64" or variant
 
 
 @pytest.mark.parametrize(("name", "dtype"), [

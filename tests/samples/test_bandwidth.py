@@ -22,20 +22,20 @@ def test_curves_are_means_over_the_slit():
     nm = NM[::16]
     grid = (nm[:, None] + x * 6.0 / np.sqrt(8.0 * np.log(2.0))) / 1e3
 
-    def seen(quantity, wide=0.0):
-        if wide:
-            return simulate(FILM, TRUTH | {"bandwidth": wide}, 60.0, nm / 1e3, quantity)
-        return simulate(FILM, TRUTH, 60.0, grid.ravel(), quantity).reshape(grid.shape)
+    def seen(um, values):
+        names = np.repeat(["R_s", "R_p", "psi", "delta"], um.size)
+        return simulate(FILM, values, 60.0, np.tile(um.ravel(), 4), names).reshape(4, *um.shape)
 
-    R_s, R_p = seen("R_s"), seen("R_p")
-    np.testing.assert_allclose(seen("R_s", 6.0), R_s @ weight, atol=1e-4)
-    np.testing.assert_allclose(seen("R_p", 6.0), R_p @ weight, atol=1e-4)
-    psi, delta = np.radians(seen("psi")), np.radians(seen("delta"))
+    R_s, R_p, psi, delta = seen(grid, TRUTH)
+    wide = seen(nm / 1e3, TRUTH | {"bandwidth": 6.0})
+    np.testing.assert_allclose(wide[0], R_s @ weight, atol=1e-4)
+    np.testing.assert_allclose(wide[1], R_p @ weight, atol=1e-4)
+    psi, delta = np.radians(psi), np.radians(delta)
     each = np.cos(2 * psi), np.sin(2 * psi) * np.cos(delta), np.sin(2 * psi) * np.sin(delta)
     N, C, S = (((R_s + R_p) * part) @ weight for part in each)
     expected = 0.5 * np.degrees(np.arctan2(np.hypot(C, S), N))
-    np.testing.assert_allclose(seen("psi", 6.0), expected, atol=0.01)
-    away = seen("delta", 6.0) - np.degrees(np.arctan2(S, C))
+    np.testing.assert_allclose(wide[2], expected, atol=0.01)
+    away = wide[3] - np.degrees(np.arctan2(S, C))
     np.testing.assert_allclose((away + 180.0) % 360.0 - 180.0, 0.0, atol=0.01)
 
 

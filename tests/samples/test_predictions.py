@@ -22,13 +22,20 @@ def grid():
     return tuple(a.ravel() for a in points)
 
 
+def seen_of(sample, values, quantities):
+    """These quantities on the grid, a row each, by one program."""
+    angle, wavelength = (np.tile(x, len(quantities)) for x in grid())
+    names = np.repeat(quantities, angle.size // len(quantities))
+    return simulate(sample, values, angle, wavelength, names).reshape(len(quantities), -1)
+
+
 def test_predict_is_the_library():
     angle, wavelength = grid()
     c = np.cos(np.radians(angle))
     index = Cauchy([1.5, 0.012, 0.0])(wavelength)
     one = powers(c, *index)
-    for q in ("R_s", "R_p", "T_s", "T_p", "R", "T"):
-        found = simulate("cauchy", CAUCHY, angle, wavelength, q)
+    names = ("R_s", "R_p", "T_s", "T_p", "R", "T")
+    for q, found in zip(names, seen_of("cauchy", CAUCHY, names), strict=True):
         np.testing.assert_allclose(found, getattr(one, q), rtol=1e-13, atol=1e-16)
     both = slab(c, *index, thickness_um=100.0, wavelength_um=wavelength)
     found = simulate("air | cauchy 100 um thick | air", CAUCHY, angle, wavelength, "T")
@@ -37,9 +44,8 @@ def test_predict_is_the_library():
              "resonance_ev_1": 2.5, "width_ev_1": 0.6}  # fmt: skip
     index = DrudeLorentz([64.0, 3.0], [0.0, 2.5], [0.1, 0.6], 2.0)(wavelength)
     angles = psi_delta(c, *index)
-    for q, true in (("psi", angles.psi), ("delta", angles.delta)):
-        found = simulate("drude-lorentz", metal, angle, wavelength, q)
-        np.testing.assert_allclose(found, np.degrees(true), rtol=1e-11)
+    found = seen_of("drude-lorentz", metal, ("psi", "delta"))
+    np.testing.assert_allclose(found, np.degrees(angles), rtol=1e-11)
 
 
 def test_a_thickness_that_is_one_number_in_the_text_is_that_of_the_sample():
@@ -61,13 +67,10 @@ def test_a_uniaxial_film_is_that_of_the_library_and_is_fitted():
     both = "air | uniaxial(1.6, 1.68) 210 nm held | 3.88+0.02i"
     with jax.enable_x64(True):
         true = stack(c, media, thickness_um=[0.21], wavelength_um=wavelength, exact=False)
-    seen: dict[str, Any] = {
-        q: simulate(UNIAXIAL, values, angle, wavelength, q) for q in ("R_s", "R_p")
-    }
-    for q, found in seen.items():
-        np.testing.assert_allclose(found, getattr(true, q), rtol=1e-11)
-        np.testing.assert_allclose(simulate(both, {}, angle, wavelength, q), found, rtol=1e-11)
-    found = fit(Measurement.from_columns(angle, wavelength, **seen), UNIAXIAL).parameters
+    R_s, R_p = seen = seen_of(UNIAXIAL, values, ("R_s", "R_p"))
+    np.testing.assert_allclose(seen, [true.R_s, true.R_p], rtol=1e-11)
+    np.testing.assert_allclose(seen_of(both, {}, ("R_s", "R_p")), seen, rtol=1e-11)
+    found = fit(Measurement.from_columns(angle, wavelength, R_s=R_s, R_p=R_p), UNIAXIAL).parameters
     for name, value in values.items():
         assert found[name].value == pytest.approx(value, rel=1e-6)
 
