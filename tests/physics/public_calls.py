@@ -133,6 +133,9 @@ def calls() -> dict[str, tuple[Any, ...]]:
             lambda w: _stack(0.5, [1.0, 1.4, 1.5], [0.1], w), WAVE,
         ),
         "layers.stack of uniaxial media": (_uniaxial, COS, INDEX + 0.01j, FILMS[:1], WAVE),
+        "layers.stack fast of uniaxial media": (
+            lambda *x: _uniaxial(*x, exact=False), COS, INDEX + 0.01j, FILMS[:1], WAVE,
+        ),
         "layers.fields_at_depth": (_in_depth, COS, INDEX, FILMS[:1], WAVE, ALPHA),
         "layers.graded_layer": (
             lambda n, d: layers.graded_layer(lambda z: n[None] * (1.0 + 0.1 * z), d, layers=2),

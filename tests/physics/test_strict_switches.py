@@ -58,6 +58,7 @@ def test_every_public_call_is_among_them():
 # mapped, these stand for all: coherent and incoherent layers, and rough boundaries. What the others
 # in the second line have is in these two and in "layers.stack".
 STACKS = ("layers.stack mixed complex", "layers.stack rough")
+EXACT_UNIAXIAL = "layers.stack of uniaxial media"  # its annotations are checked all the same
 FURTHER = tuple(f"layers.stack {x}" for x in ("complex", "mixed", "incoherent", "rough complex"))
 
 
@@ -71,7 +72,7 @@ VARIANTS = (" of k", " without k", " of integers")
 
 def is_study(name, dtype):
     variant = name.endswith(VARIANTS) and not name.startswith("interface.")
-    return name in FURTHER or dtype == "float64" or variant
+    return name in (*FURTHER, EXACT_UNIAXIAL) or dtype == "float64" or variant
 
 
 @pytest.mark.parametrize(("name", "dtype"), [
