@@ -58,8 +58,8 @@ def test_every_public_call_is_among_them():
 # mapped, these stand for all: coherent and incoherent layers, and rough boundaries. What the others
 # in the second line have is in these two and in "layers.stack".
 STACKS = ("layers.stack mixed complex", "layers.stack rough")
-EXACT_UNIAXIAL = "layers.stack of uniaxial media"  # its annotations are checked all the same
 FURTHER = tuple(f"layers.stack {x}" for x in ("complex", "mixed", "incoherent", "rough complex"))
+EXACT_UNIAXIAL = "layers.stack of uniaxial media"  # its annotations are checked all the same
 
 
 def of_few(name):

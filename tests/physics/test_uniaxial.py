@@ -32,7 +32,7 @@ def drawn(layers, count, seed):
 
 @functools.partial(jax.jit, static_argnames="exact")
 def parts(at, along, exact):
-    """Return what layers do (R, T, and the parts of r and t), and its derivative."""
+    """Return what two layers do (R, T, and the parts of r and t), and its derivative."""
 
     def values(c, n_0, n_o, k_o, n_e, k_e, d, wavelength):
         media = map(Uniaxial, jax.lax.complex(n_o, k_o), jax.lax.complex(n_e, k_e))
@@ -54,7 +54,7 @@ def truth(c, n_0, n_o, k_o, n_e, k_e, d, wavelength):
 @both_tiers
 def test_values_are_those_of_mpmath_and_derivatives_those_of_differences(exact):
     count, step = 16, 1e-6
-    at = drawn(1, count, 1)
+    at = drawn(2, count, 1)
     random = np.random.default_rng(2)
     along = tuple(random.standard_normal(z.shape) * z for z in at)
     with jax.enable_x64(True):
