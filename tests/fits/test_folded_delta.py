@@ -97,7 +97,7 @@ def test_predictions_are_folded() -> None:
 
 def test_mean_squared_error() -> None:
     """By its definition, from psi and Delta and from N, C and S."""
-    bend = 0.02 * np.cos(np.arange(4.0) ** 2)
+    bend = 1e-3 * np.cos(np.arange(4.0) ** 2)
     noisy: Any = {q: v + bend for q, v in surface("N", "C", "S").items()}
     every: list[tuple[Fit, float]] = []
     m = Measurement.from_columns(ANGLES, None, **noisy)
@@ -105,7 +105,7 @@ def test_mean_squared_error() -> None:
     off = np.split(m.value - found.predict().value, 3)
     every.append((found, float(np.square(off).sum())))
     angles = surface("psi", "delta")
-    angles["psi"] = angles["psi"] + [0.1, -0.2, 0.1, 0.2]
+    angles["psi"] = angles["psi"] + [0.01, -0.02, 0.01, 0.02]
     m = Measurement.from_columns(ANGLES, None, **angles)
     found = fit(m)
     pair = m.value, found.predict().value

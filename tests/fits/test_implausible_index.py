@@ -5,17 +5,17 @@ import pytest
 
 from fitting import Measurement, fit, simulate
 
-WAVES = np.linspace(0.4, 0.9, 40)
+WAVES = np.linspace(0.4, 0.9, 32)
 
 
-@pytest.mark.parametrize("dispersion, told", [(-0.02, ["eta"]), (0.01, []), (0.0, [])])
+@pytest.mark.parametrize("dispersion, told", [(-0.002, ["eta"]), (0.01, []), (0.0, [])])
 def test_an_index_that_rises_with_the_wavelength_is_told(dispersion, told):
     """62 nm of a clear film had ended as 10.5 nm, of eta 3.0 in the blue and 4.8 in the red."""
-    noise = 1e-3 * np.random.default_rng(0).standard_normal(40)
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(32)
     truth = {"A": 2.0, "B": dispersion}
-    shown = simulate("air | cauchy:2 150 nm held | Si", truth, 0.0, WAVES, "R")
+    shown = simulate("air | cauchy:2 150 nm held | 3.9", truth, 0.0, WAVES, "R")
     m = Measurement.from_columns(0.0, WAVES, R=shown + noise, sigma=1e-3)
-    sample, wide = "air | cauchy:2 120..180 nm | Si", {"B": (-0.1, 0.1)}
+    sample, wide = "air | cauchy:2 120..180 nm | 3.9", {"B": (-0.1, 0.1)}
     found = fit(m, sample, bounds=wide, intervals="quadratic", starts=8)
     rising = [f.values["indices"] for f in found.findings if f.code == "rising_index"]
     assert rising == [(name,) for name in told]
@@ -35,14 +35,14 @@ def test_an_index_that_rises_with_the_wavelength_is_told(dispersion, told):
 
 LOW = [
     # a porous film; magnesium fluoride; a porous film on a metal, by two quantities
-    ("air | cauchy:2 200..400 nm | Si", {"A": 1.15, "B": 0.001, "thickness_nm": 300.0},
+    ("air | cauchy:2 200..400 nm | 3.9", {"A": 1.15, "B": 0.001, "thickness_nm": 300.0},
      ("R",), 1.156),
-    ("air | cauchy:2 50..150 nm | Si", {"A": 1.38, "B": 0.001, "thickness_nm": 90.0}, ("R",), 0.0),
-    ("air | constant 200..300 nm | gold", {"eta": 1.2, "k": 0.0, "thickness_nm": 250.0},
+    ("air | cauchy:2 50..150 nm | 3.9", {"A": 1.38, "B": 0.001, "thickness_nm": 90.0}, ("R",), 0.0),
+    ("air | constant 200..300 nm | 0.2+3.1i", {"eta": 1.2, "k": 0.0, "thickness_nm": 250.0},
      ("R_s", "R_p"), 1.2),
     # a metal: eta is low, but it absorbs
     ("air | constant 20..60 nm | 1.5", {"eta": 0.15, "k": 3.5, "thickness_nm": 40.0},
-     ("R", "T"), 0.0),
+     ("R_s", "R_p"), 0.0),
 ]  # fmt: skip
 
 
@@ -51,7 +51,7 @@ def test_a_low_index_of_what_does_not_absorb_is_told(sample, truth, quantities, 
     """22 nm of a clear film on silicon had ended as 73 nm of eta 1.05 without a word."""
     random = np.random.default_rng(5)
     shown = {
-        q: simulate(sample, truth, 0.0 if q in "RT" else 50.0, WAVES, q)
+        q: simulate(sample, truth, 0.0 if q == "R" else 50.0, WAVES, q)
         + 1e-4 * random.standard_normal(len(WAVES))
         for q in quantities
     }
@@ -92,7 +92,8 @@ def test_of_minima_between_which_noise_decides_that_of_a_solid_is_shown(truth, s
     sample, waves = "air | cauchy 10..1000 nm | 1.52", np.linspace(0.4, 0.8, 41)
     noise = sigma * np.random.default_rng(seed).standard_normal(41)
     R = simulate(sample, truth, 45.0, waves, "R") + noise
-    found = fit(Measurement.from_columns(45.0, waves, R=R, sigma=sigma), sample)
+    # Errors a tenth larger than the noise: no chi2 is doubtful, and no cause of it is looked for.
+    found = fit(Measurement.from_columns(45.0, waves, R=R, sigma=1.1 * sigma), sample)
     low, high = found.parameters["thickness_nm"].interval
     assert low < truth["thickness_nm"] < high
     band = found.index(0.55)

@@ -6,19 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.studies import misfit_study
 from benchmarks.studies.misfit_study import CASES, measured, table, verdict
 from fitting import Measurement, choose, fit, fit_many, read_csv, simulate
 from fitting.outcomes.findings import MISFITS
 
-ANGLES = np.linspace(30.0, 87.0, 16)
+# All are padded to 32, as the gold scan is.
+ANGLES, GRAZING = np.linspace(20.0, 84.0, 32), np.linspace(30.0, 87.0, 24)
 
 
 def silicon(leak, seed=0, stated=True):
     """R_s and R_p of silicon at 532 nm behind a polarizer that leaks; stated errors too small."""
     rng, data = np.random.default_rng(seed), {}
-    s, p = (simulate("free", {"eta": 4.16, "k": 0.04}, ANGLES, 0.532, q) for q in ("R_s", "R_p"))
+    s, p = (simulate("free", {"eta": 4.16, "k": 0.04}, GRAZING, 0.532, q) for q in ("R_s", "R_p"))
     for name, own, other in (("R_s", s, p), ("R_p", p, s)):
-        data[name] = own + leak * (other - own) + 0.003 * rng.standard_normal(16)
+        data[name] = own + leak * (other - own) + 0.003 * rng.standard_normal(24)
     return data, {"R_s": 0.017, "R_p": 3e-4} if stated else None
 
 
@@ -29,7 +31,7 @@ def codes(found):
 @pytest.fixture(scope="module")
 def leaking():
     data, sigma = silicon(0.05)
-    return fit(Measurement.from_columns(ANGLES, 0.532, sigma=sigma, **data), "free")
+    return fit(Measurement.from_columns(GRAZING, 0.532, sigma=sigma, **data), "free")
 
 
 def test_a_leak_is_a_misfit_and_is_named_with_the_index_that_it_leaves(leaking):
@@ -38,18 +40,18 @@ def test_a_leak_is_a_misfit_and_is_named_with_the_index_that_it_leaves(leaking):
     (leak,) = leaking.warnings[1].values["explanations"]
     what, rms, describes, new, after = leak
     assert (what, describes) == ("leak", True)
-    assert rms == pytest.approx(0.003, rel=0.4)  # the noise, of 32 data
+    assert rms == pytest.approx(0.003, rel=0.4)  # the noise, of 48 data
     assert abs(new["leak"][0] - 0.05) < 3.0 * new["leak"][1]
     for name, truth in (("eta", 4.16), ("k", 0.04)):
         *_, low, high = after[name]
         assert low <= truth <= high
-    assert "better by leak: leak 0.04" in leaking.warnings[1].text
+    assert "better by leak: leak 0.05" in leaking.warnings[1].text
     assert json.dumps(leaking.to_dict())
 
 
 def test_intervals_of_a_misfit_cover_those_of_all_error_models(leaking):
     data, sigma = silicon(0.05)
-    m = Measurement.from_columns(ANGLES, 0.532, sigma=sigma, **data)
+    m = Measurement.from_columns(GRAZING, 0.532, sigma=sigma, **data)
     (told,) = (w for w in leaking.warnings if w.code == "errors_cover")
     assert "k" in told.values["parameters"]
     low, high = leaking.parameters["k"].interval
@@ -65,20 +67,20 @@ def test_intervals_of_a_misfit_cover_those_of_all_error_models(leaking):
 def test_a_curve_of_a_batch_has_the_status_of_its_fit_alone():
     good, bad = silicon(0.0)[0], silicon(0.05)[0]
     both = {q: np.stack([good[q], bad[q]]) for q in good}
-    many = fit_many(ANGLES, 0.532, **both)
+    many = fit_many(GRAZING, 0.532, **both)
     assert many.status.tolist() == ["converged", "misfit"]
     assert many[1].status == "misfit"
     assert "does_not_describe" in codes(many[1])
-    alone = Measurement.from_columns(ANGLES, 0.532, **good)
+    alone = Measurement.from_columns(GRAZING, 0.532, **good)
     assert fit(alone, "free").status == "converged"
 
 
 def test_residuals_in_order_within_the_stated_errors_are_no_misfit():
-    wave = np.linspace(0.4, 0.8, 40)
-    clean = simulate("cauchy:2", {"A": 1.5, "B": 0.01}, np.zeros(40), wave, "R")
-    value = clean + 2e-4 * np.cos(12.0 * wave)
+    wave = np.linspace(0.4, 0.8, 32)
+    value = simulate("cauchy:2", {"A": 1.5, "B": 0.01}, 0.0, wave, "R") + 2e-4 * np.cos(12.0 * wave)
+    # With a fixed parameter no causes in the sample are looked for: programs of their own.
     found = [
-        fit(Measurement.from_columns(np.zeros(40), wave, R=value, sigma=s), "cauchy:2")
+        fit(Measurement.from_columns(0.0, wave, R=value, sigma=s), "cauchy:2", fixed={"B": 0.01})
         for s in (1e-3, 2e-5, None)
     ]
     assert all("residuals_in_order" in codes(f) for f in found)
@@ -134,21 +136,20 @@ def test_status_and_warnings_of_measured_files_agree(measured_files, name):
 
 def test_status_and_warnings_of_simulated_fits_agree(leaking):
     check_agreement(leaking)
-    rng, wave = np.random.default_rng(1), np.linspace(0.4, 0.8, 30)
+    rng, wave = np.random.default_rng(1), np.linspace(0.4, 0.8, 5)
     angles = np.array([55.0, 65.0, 75.0])
     angle, each = (a.ravel() for a in np.meshgrid(angles, wave))
     truth = {"A": 1.5, "B": 0.01, "thickness_nm": 40.0}
     values = {
         q: simulate("air | cauchy:2 10..90 nm | Si", truth, angle, each, q)
-        + 0.02 * rng.standard_normal(90)
+        + 0.02 * rng.standard_normal(15)
         for q in ("psi", "delta")
     }
-    # psi and Delta of a film, as those of one bare boundary: at every wavelength, and in all.
+    # psi and Delta of a film, as those of a bare boundary at every wavelength.
     m = Measurement.from_columns(angle, each, sigma=0.02, **values)
-    for sample in ("free", "lorentz"):
-        found = fit(m, sample, intervals="quadratic", starts=8)
-        assert (np.asarray(found.status) == "misfit").any()
-        check_agreement(found)
+    found = fit(m, "free", intervals="quadratic", starts=8)
+    assert (np.asarray(found.status) == "misfit").any()
+    check_agreement(found)
 
 
 def test_a_choice_that_does_not_describe_the_data_is_a_misfit():
@@ -195,8 +196,9 @@ NAMED = {
     "name",
     [pytest.param(n, marks=[pytest.mark.study] * ("bare" not in n)) for n in NAMED],
 )
-def test_a_random_misfit_is_told_and_its_cause_named(name):
+def test_a_random_misfit_is_told_and_its_cause_named(name, monkeypatch):
     """Of a film each cause compiles its own program."""
+    monkeypatch.setattr(misfit_study, "ANGLES", ANGLES)  # whose programs are compiled
     case = CASES[name]
     m, truth = measured(case, np.random.default_rng([4, list(CASES).index(name)]))
     found = fit(m, case.fitted)
@@ -224,13 +226,13 @@ def test_the_study_counts_a_misfit_that_is_told(leaking):
 def test_a_chi2_that_few_right_fits_have_is_told_without_a_cause():
     rng = np.random.default_rng(5)
     data = {
-        q: simulate("free", {"eta": 2.1, "k": 0.9}, ANGLES, 0.532, q) + 2e-3 * rng.normal(size=16)
+        q: simulate("free", {"eta": 2.1, "k": 0.9}, ANGLES, 0.532, q) + 2e-3 * rng.normal(size=32)
         for q in ("R_s", "R_p")
     }
     alone = fit(Measurement.from_columns(ANGLES, 0.532, sigma=2e-3, **data))
-    for reduced, told in ((1.2, False), (1.55, True)):
+    for reduced, told in ((1.2, False), (1.4, True)):
         sigma = 2e-3 * float(np.sqrt(alone.chi2_reduced / reduced))  # for exactly this chi2/dof
         found = fit(Measurement.from_columns(ANGLES, 0.532, sigma=sigma, **data))
         assert (found.status, "chi2_doubtful" in codes(found)) == ("converged", told)
     (doubt,) = (w for w in found.warnings if w.code == "chi2_doubtful")
-    assert doubt.text.startswith("reduced chi2 is 1.55, which one right fit in 36 has by chance")
+    assert doubt.text.startswith("reduced chi2 is 1.4, which one right fit in 49 has by chance")

@@ -1,6 +1,7 @@
 """Model fits of simulated data: values, errors, nuisances, settings, bands, refusals."""
 
 import json
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -47,8 +48,8 @@ MODELS = {
 @pytest.mark.parametrize(
     "model",
     [
-        *(pytest.param(m, marks=pytest.mark.study) for m in ("cauchy-urbach:2", "lorentz")),
-        "tauc-lorentz",
+        *(pytest.param(m, marks=pytest.mark.study) for m in ("cauchy-urbach:2", "tauc-lorentz")),
+        "lorentz",
     ],
 )
 def test_truths_come_back_without_noise_and_within_errors_with_it(model):
@@ -66,9 +67,8 @@ def test_truths_come_back_without_noise_and_within_errors_with_it(model):
             assert 0.5 < found.chi2_reduced < 1.6
 
 
-def test_values_and_errors_are_those_of_scipy():
-    """The same problem written by hand, the textbook's R, solved and linearised by scipy."""
-    m = simulated("cauchy:2", {"A": 1.5, "B": 0.012})
+def by_hand(m):
+    """Return the residuals of R_s and R_p as a function of A and B, by the textbook's R."""
     c = np.cos(np.radians(m.angle_deg))
 
     def residual(x):
@@ -77,6 +77,13 @@ def test_values_and_errors_are_those_of_scipy():
         r_s, r_p = (c - q) / (c + q), (n * n * c - q) / (n * n * c + q)
         return (np.where(m.quantity == "R_s", r_s**2, r_p**2) - m.value) / m.sigma
 
+    return residual
+
+
+def test_values_and_errors_are_those_of_scipy():
+    """The same problem written by hand, the textbook's R, solved and linearised by scipy."""
+    m = simulated("cauchy:2", {"A": 1.5, "B": 0.012})
+    residual = by_hand(m)
     theirs = least_squares(residual, [1.5, 0.01], xtol=1e-15, ftol=1e-15, gtol=1e-15)
     ours = fit(m, "cauchy:2", errors="stated")
     np.testing.assert_allclose(values(ours), theirs.x, rtol=1e-7)
@@ -167,8 +174,8 @@ def test_free_fixed_and_bounded():
     m = simulated("cauchy:2", {"A": 1.5, "B": 0.012})
     held = fit(m, "cauchy:2", fixed={"B": 0.012})
     assert held.names == ("A",) and held.parameters["B"].value == 0.012
-    cut = fit(m, "cauchy:2", bounds={"A": (1.51, 1.6)})
-    assert cut.parameters["A"].value == 1.51 and bounds(cut) == ("low", "")
+    cut = fit(m, "cauchy:2", bounds={"A": (1.5005, 1.6)})
+    assert cut.parameters["A"].value == 1.5005 and bounds(cut) == ("low", "")
     assert np.isnan(cut.parameters["A"].sigma) and np.isfinite(cut.parameters["B"].sigma)
     assert any("A ended at the lower end" in w.text for w in cut.warnings)
     offset = simulated("cauchy:2", {"A": 1.5, "B": 0.012, "angle_offset": 0.3})
@@ -182,7 +189,8 @@ def test_bands_are_the_spread_of_repeats():
     """One sigma of the curve and of eta against the scatter of 40 simulated measurements."""
     truth = {"A": 1.5, "B": 0.012}
     fits = [
-        fit(simulated("cauchy:2", truth, seed=s), "cauchy:2", errors="stated") for s in range(40)
+        fit(replace(simulated("cauchy:2", truth, seed=s), sigma=np.full(84, np.nan)), "cauchy:2")
+        for s in range(40)
     ]
     value, sigma = (np.array(a) for a in zip(*(f.predict() for f in fits), strict=True))
     # 40 repeats know a standard deviation to 11 %; 84 points move together in two directions
@@ -204,9 +212,9 @@ def test_outliers_do_not_count_with_a_robust_loss():
     spoilt = Measurement.from_columns(
         m.angle_deg[:42], m.wavelength_um[:42], sigma=SIGMA, R_s=value[:42], R_p=value[42:]
     )
-    plain = fit(spoilt, "cauchy:2")
+    plain = least_squares(by_hand(spoilt), [1.5, 0.01])
     robust = fit(spoilt, "cauchy:2", loss="huber")
-    assert abs(plain.parameters["A"].value - 1.5) > 0.01
+    assert abs(plain.x[0] - 1.5) > 0.01
     assert abs(robust.parameters["A"].value - 1.5) < 4.0 * robust.parameters["A"].sigma < 0.005
     assert robust.noise == pytest.approx(1.0, abs=0.35)
     clean = fit(m, "cauchy:2", loss="huber", errors="stated")

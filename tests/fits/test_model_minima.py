@@ -52,10 +52,7 @@ def hidden_line():
 
 def test_a_lower_minimum_on_the_way_is_taken():
     """Two starts end in a wrong minimum; on the way to the ends of its intervals is the best."""
-    m = hidden_line()
-    wrong = fit(m, "lorentz", starts=2, seed=4, intervals="quadratic")
-    assert wrong.chi2_reduced > 1e3
-    found = fit(m, "lorentz", starts=2, seed=4)
+    found = fit(hidden_line(), "lorentz", starts=2, seed=4)  # that they do, the next test sees
     assert found.chi2_reduced < 1.5
     true = [ONE_LINE[name] for name in found.names]
     assert (np.abs(values(found) - true) < 4.5 * sigmas(found)).all()

@@ -182,7 +182,10 @@ def test_several_angles_without_a_wavelength(tmp_path, capsys):
 def test_the_sign_of_delta_shows(tmp_path, capsys):
     angle = np.array([50.0, 60.0, 70.0, 75.0])
     psi, delta = film(angle, 1.0, 1.5, 3.8 - 0.5j, 0.0)
-    file = table(tmp_path / "si.csv", angle, psi, 360.0 - delta, head="angle_deg,psi,delta")
+    # At two wavelengths: of one alone the causes would be looked for.
+    columns = (np.tile(a, 2) for a in (angle, psi, 360.0 - delta))
+    file = table(tmp_path / "si.csv", np.repeat([0.9, 1.0], 4), *columns,
+                 head="wavelength_um,angle_deg,psi,delta")  # fmt: skip
     assert cli.main([file]) == 1  # a misfit
     assert "Delta has the other sign" in " ".join(capsys.readouterr().out.split())
 
@@ -191,7 +194,8 @@ def test_angles_that_do_not_agree_on_one_index():
     angle = np.array([50.0, 60.0, 70.0])
     psi, delta = film(angle, 0.6, 2.1, 3.8 - 0.5j, 0.06)
     found = fit(Measurement.from_columns(angle, 0.6, psi=psi, delta=delta))
-    assert found.k > 0.1
+    assert found.k > 0.1 and found.status == "misfit"
+    assert "does not describe" in " ".join(w.text for w in found.warnings)
     assert any("no bare boundary has these psi and Delta together" in n.text for n in found.notes)
 
 
