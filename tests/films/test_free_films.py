@@ -143,9 +143,9 @@ def test_how_many_data_a_thickness_needs_follows_from_what_is_unknown():
 def test_the_k_of_a_film_of_unknown_thickness_may_be_known(settings):
     """Three numbers of Cauchy's formula are the three indices: the same fit, and the same error."""
     truth = {"A": 2.0, "B": 0.01}
-    m = three_wavelengths("air | cauchy:2 150 nm held | Si", truth, {"R_s": 0.001})
-    found = fit(m, "air | free 120..180 nm | Si", errors="equal", **settings)
-    cauchy = fit(m, "air | cauchy:3 120..180 nm | Si", errors="equal")
+    m = three_wavelengths("air | cauchy:2 150 nm held | 3.9", truth, {"R_s": 0.001})
+    found = fit(m, "air | free 120..180 nm | 3.9", errors="equal", **settings)
+    cauchy = fit(m, "air | cauchy:3 120..180 nm | 3.9", errors="equal")
     d, same = (f.parameters["thickness_nm"] for f in (found, cauchy))
     # A k that is fixed at 0 had become free down to -.1.
     assert abs(d.value - same.value) < 0.05 * same.sigma
@@ -172,11 +172,11 @@ def test_starts_from_other_wavelengths_are_counted_once(count, others):
     """Of two wavelengths each had had eight further starts at its own solution, and eight alike."""
     random, wave = np.random.default_rng(0), np.repeat(np.linspace(0.5, 0.6, count), 3)
     angle, sigma = np.tile([55.0, 65.0, 75.0], count), {"psi": 1e-3, "delta": 1e-3}
-    seen = {q: simulate("air | 1.9 150 nm held | Si", {}, angle, wave, q) for q in sigma}
+    seen = {q: simulate("air | 1.9 150 nm held | Ag", {}, angle, wave, q) for q in sigma}
     # The errors are so small that nothing describes the data.
     seen["psi"] += 0.1 * random.standard_normal(len(wave))
     m = Measurement.from_columns(angle, wave, sigma=sigma, **seen)
-    found = fit(m, "air | free 150 nm held | Si")
+    found = fit(m, "air | free 150 nm held | Ag")
     more = found.starts - 64
     assert more.min() >= others and more[0] == others
     assert (found.reached <= found.starts).all()
@@ -186,9 +186,9 @@ def test_each_wavelength_tells_its_own_number_of_starts():
     """Those that are tried again have more, and all had told the number of the first."""
     random, wave = np.random.default_rng(0), np.repeat(np.linspace(0.5, 0.6, 6), 3)
     angle, sigma = np.tile([55.0, 65.0, 75.0], 6), {"psi": 0.01, "delta": 0.02}
-    sample = "air | free 150 nm held | Si"
+    sample = "air | free 150 nm held | Ag"
     seen = {
-        q: simulate("air | 1.9 150 nm held | Si", {}, angle, wave, q)
+        q: simulate("air | 1.9 150 nm held | Ag", {}, angle, wave, q)
         + size * random.standard_normal(len(wave))
         for q, size in sigma.items()
     }
