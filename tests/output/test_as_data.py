@@ -14,6 +14,7 @@ from fitting.data.measurement import Measurement, concatenate
 from fitting.measured_file import read_csv
 from fitting.output.export import INDEX_MARK, data_csv, index_csv, json_text
 from fitting.samples.material_files import read_material
+from fresnel_jax.dispersion import HC_EV_UM
 from tests.truth.simulated import GOLD, simulated, textbook
 
 
@@ -27,15 +28,17 @@ def spectrum():
     """Three wavelengths: a metal, lossless glass, and one angle of normal incidence."""
     metal = simulated(0.5, 2.2, 1e-3, wavelength_um=0.5)
     glass = simulated(1.5, 0.0, 1e-3, wavelength_um=0.6)
-    normal = Measurement.from_columns(0.0, 0.7, sigma=1e-3, R=0.3, source="simulated")
+    normal = simulated(1.5, 0.0, 1e-3, wavelength_um=0.7, angles=(0.0,))
     return fit(concatenate(metal, glass, normal))
 
 
 @pytest.fixture(scope="module")
 def drude():
     waves = np.linspace(0.4, 0.8, 9)
-    parts = [simulated(0.3 + w, 4.0 * w, 1e-3, wavelength_um=w, seed=i)
-             for i, w in enumerate(waves)]  # fmt: skip
+    energy = HC_EV_UM / waves
+    index = np.sqrt(2.0 - 36.0 / (energy * (energy + 0.8j)))
+    parts = [simulated(n.real, n.imag, 1e-3, wavelength_um=w, seed=i)
+             for i, (w, n) in enumerate(zip(waves, index, strict=True))]  # fmt: skip
     return fit(concatenate(*parts), "drude")
 
 
