@@ -62,8 +62,9 @@ def test_a_coated_plate_read_as_bare_is_a_misfit():
     rng = np.random.default_rng(1)
     R = textbook(angle, np.full(30, "R_s"), 1.5, 0.0) + 1e-3 * rng.standard_normal(30)
     R = R + 0.06 * np.sin(angle / 8.0) ** 2
-    m = Measurement.from_columns(angle, R_s=R)
-    found = fit(m)
+    # At two wavelengths: of one alone the causes would be looked for.
+    m = Measurement.from_columns(np.tile(angle, 2), np.repeat([0.5, 0.6], 30), R_s=np.tile(R, 2))
+    found = fit(m)[0]
     assert 0.005 < found.rms < 0.1
     assert any("misses the data" in t and "times the noise" in t for t in texts(found))
     batch = fit_many(angle, R_s=np.stack([R, R]))
