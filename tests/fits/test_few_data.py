@@ -139,7 +139,7 @@ def test_one_datum_without_an_error_determines_nothing():
 
 def test_the_k_of_a_film_of_one_index_is_fitted_if_it_is_asked_for():
     """With three data k, eta and thickness went through all of them: .08, .98 and 210 nm."""
-    angles, sample = [30.0, 50.0, 60.0], "air | constant 100 nm | Si"
+    angles, sample = [30.0, 50.0, 60.0], "air | constant 100 nm | 3.9"
     R = simulate(sample, {"eta": 1.46, "k": 0.0, "thickness_nm": 100.0}, angles, 0.5)
     m = Measurement.from_columns(angles, 0.5, R=R + 1e-4 * np.array([1, -1, 1]), sigma=1e-4)
     found = fit(m, sample, errors="stated", intervals="quadratic")

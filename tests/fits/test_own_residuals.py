@@ -156,9 +156,9 @@ def test_lanes_that_rest_along_a_valley_are_one_minimum(monkeypatch):
 
 
 NIST = nist_problems()
-# From the far starts of BoxBOD, MGH17 and Eckerle4 long steps lead to where the data do not change
-# with a parameter, or fail; MGH10 goes down a narrow valley; the last step of MGH09 is a large one.
-FIRST = ("MGH10", "BoxBOD", "MGH17", "Eckerle4", "MGH09")
+# From the far starts of BoxBOD and MGH17, as of Eckerle4, long steps lead to where the data do not
+# change with a parameter; MGH10 goes down a narrow valley; the last step of MGH09 is a large one.
+FIRST = ("MGH10", "BoxBOD", "MGH17", "MGH09")
 
 
 @pytest.mark.parametrize("name", NIST)

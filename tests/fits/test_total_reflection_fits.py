@@ -157,7 +157,7 @@ def test_intervals_of_a_small_k_hold_the_truth(k, errors):
 
 
 def test_what_is_said_and_drawn_of_a_k_that_is_not_seen():
-    found = fitted(measured(1.0, 0.0, 1.5, 30), 1.5, intervals="auto")
+    found = fitted(measured(1.0, 0.0, 1.5, 16), 1.5, intervals="auto")
     zero = found[int(np.flatnonzero(at_zero(found))[0])]
     (said,) = texts(zero)
     assert "too small for these data to determine" in said

@@ -24,7 +24,9 @@ def measured(eta, k, angle, quantity, sigma, wavelength=0.6328):
     return Measurement.from_columns(angle.ravel(), wavelength.ravel(), sigma=sigma, **values)
 
 
-@pytest.mark.parametrize("metal", METALS)
+@pytest.mark.parametrize(
+    "metal", [pytest.param(m, marks=[pytest.mark.study] * (m == "copper")) for m in METALS]
+)
 def test_a_metal_on_its_circle_is_undetermined_by_every_entrance(metal):
     m = measured(*METALS[metal])
     entrances = (fit(m), fit(m, "constant"), fit(m, loss="huber"), choose(m).fit)

@@ -13,6 +13,7 @@ SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
     "seed", [0, *(pytest.param(n, marks=pytest.mark.study) for n in (1, 2, 3))]
 )
 def test_damaged_files_end_in_a_measurement_or_in_the_one_error(tmp_path: Path, seed: int) -> None:
-    ends = run(6_000, seed, corpus(SHARED), tmp_path)
+    count = 2_000 if seed == 0 else 6_000
+    ends = run(count, seed, corpus(SHARED), tmp_path)
     # both ends are met often, so neither is all that the damage leaves
-    assert ends["measurement"] > 250 and ends["refusal"] > 2_000
+    assert ends["measurement"] > count // 24 and ends["refusal"] > count // 3

@@ -287,7 +287,7 @@ def test_a_name_and_a_line_that_say_the_same_agree(tmp_path: Path) -> None:
     assert len(read(tmp_path, "# AOI: 60 deg\n" + ELLIPSE)) == 6  # one of the angles
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.study) for n in (1, 2))])
 def test_files_of_known_truth_are_read_right_or_refused(tmp_path: Path, seed: int) -> None:
     ends, wrong = run(700, seed, tmp_path)
     assert not wrong, "\n".join(wrong[:5])
