@@ -102,6 +102,8 @@ def judged(batch: Batch, rng: np.random.Generator) -> Judged:
         for i, eta_0, k_0 in zip(curve.tolist(), eta.tolist(), k.tolist(), strict=True):
             cost, *_ = polished(g, {q: v[i] for q, v in part.data.items()}, eta_0, k_0)
             best[search[i]] = min(best[search[i]], cost)
+    # Of data without noise what is left is their rounding.
+    unit = np.maximum(unit, best / found.n_data)
     return Judged(batch, found, (mine - best) / unit, len(search))
 
 
