@@ -163,6 +163,24 @@ def test_psi_and_delta_with_gaps_and_errors_of_their_own():
 
 
 @pytest.mark.study
+def test_psi_and_delta_of_films():
+    angle, wave = (a.ravel() for a in np.meshgrid([60.0, 70.0], WAVES[::3], indexing="ij"))
+    random, errors = np.random.default_rng(3), {"psi": 0.05, "delta": 0.1}
+    truths = [{"thickness_nm": d, "A": 1.46, "B": 0.004} for d in (80.0, 90.0, 110.0)]
+    data = {
+        q: np.array([simulate(FILM, truth, angle, wave, q) for truth in truths])
+        + sigma * random.standard_normal((3, len(angle)))
+        for q, sigma in errors.items()
+    }
+    data["delta"][1, 4] = np.nan
+    found = fit_many(angle, wave, **data, sigma=errors, sample=FILM, check=1)
+    one = {q: values[1] for q, values in data.items()}
+    m = Measurement.from_columns(angle, wave, **one, sigma=errors)
+    assert_same(fit(m, FILM, errors="scaled", intervals="quadratic"), found[1])
+    assert found.n_data.tolist() == [40, 39, 40]
+
+
+@pytest.mark.study
 def test_a_plate_whose_k_is_beside_0():
     wave = np.linspace(0.5, 0.9, 16)
     plate = "air | constant 1 mm thick held | air"
