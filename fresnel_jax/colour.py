@@ -137,7 +137,7 @@ def linear_srgb(tristimulus: ArrayLike) -> Float[Array, "... 3"]:
     """Linear sRGB (..., 3) of X, Y, Z (..., 3): 1, 1, 1 for the white of D65; not clipped.
 
     The matrix follows from the primaries of IEC 61966-2-1 and the white of the table, and agrees
-    with the four decimals printed there to 2e-4.
+    with the four decimals printed there to 2e-4. Within 16 eps of the sum of its terms' moduli.
     """
     to_xyz = _PRIMARIES * np.linalg.solve(_PRIMARIES, _white())
     color = as_float(tristimulus, "tristimulus")

@@ -257,9 +257,10 @@ class Beckmann(TrowbridgeReitz):
     D = exp(-e) / (pi alpha_x alpha_y z^4) with e = (x^2 / alpha_x^2 + y^2 / alpha_y^2) / z^2; the
     root mean square of the slope along x is alpha_x / sqrt(2). It has fewer steep facets than
     `TrowbridgeReitz`, hence no long tail of a highlight. Arguments, thresholds and methods as
-    those; D within 8 + 4 e eps, G1 and G to 8 eps. `sample_visible`, and `D_visible`, its
-    density, are those of `TrowbridgeReitz`: the weights of `bsdf` make up for the difference and
-    stay below 2.61 F (at normal incidence their variance is 0.25 F^2), without an inversion of erf.
+    those; D within 8 + 4 e eps (0 where exp(-e) underflows), G1 and G to 8 eps. `sample_visible`,
+    and `D_visible`, its density, are those of `TrowbridgeReitz`: the weights of `bsdf` make up for
+    the difference and stay below 2.61 F (at normal incidence their variance is 0.25 F^2), without
+    an inversion of erf.
     Source: Beckmann and Spizzichino 1963; PBRT 3rd ed. sec. 8.4.2; Walter et al. 2007,
     doi:10.2312/EGWR/EGSR07/195-206, eq. 25 to 27.
     """

@@ -24,6 +24,8 @@ from benchmarks.accuracy import search_functions
 from benchmarks.accuracy.search_approximations import APPROXIMATIONS
 from benchmarks.accuracy.search_boundary import BOUNDARY_FUNCTIONS
 from benchmarks.accuracy.search_bsdf import BSDFS
+from benchmarks.accuracy.search_colour import COLOUR
+from benchmarks.accuracy.search_depth import DEPTH
 from benchmarks.accuracy.search_directions import DIRECTIONS
 from benchmarks.accuracy.search_facets import FACETS
 from benchmarks.accuracy.search_layers import LAYERS
@@ -45,6 +47,8 @@ FUNCTIONS = (
     | MEDIA
     | BSDFS
     | FACETS
+    | DEPTH
+    | COLOUR
 )
 
 
@@ -143,7 +147,7 @@ def _rows(only: str):
             if only in name:
                 yield from ((name, dtype, program) for program in PROGRAMS)
     for name, entry in FUNCTIONS.items():
-        for dtype in (np.float64, np.float32):
+        for dtype in entry.dtypes:
             if only in name:
                 if entry.bound is not None:
                     yield name, dtype, "value"

@@ -1,5 +1,7 @@
 """Entries of the accuracy search: rough surfaces, and samples of smooth ones."""
 
+import functools
+
 import gmpy2
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +10,7 @@ from benchmarks.accuracy.search_boundary import BOUNDARY, INDEX, boundary, eithe
 from benchmarks.accuracy.search_directions import directions, two_directions
 from benchmarks.accuracy.search_functions import Function, decades
 from fresnel_jax import bsdf
-from fresnel_jax.microfacet import TrowbridgeReitz
+from fresnel_jax.microfacet import Beckmann, TrowbridgeReitz
 from tests.truth.exact_fresnel import textbook
 
 _ONE = gmpy2.mpfr(1)
@@ -36,24 +38,52 @@ def _masking(*v):
     return [((stretched(w, a, b) - z) / (2 * z), None), (2 * z / (z + stretched(w, a, b)), None)]
 
 
-def G(*v):
-    (x, _), (y, _) = _masking(*v[:3], *v[6:])[0], _masking(*v[3:6], *v[6:])[0]
+def _beckmann(*v):
+    """D, whose exponent e multiplies the rounding of the arguments."""
+    m, a, b = v[:3], v[-2], v[-1]
+    if m[2] <= 0:
+        return None
+    e = ((m[0] / a) ** 2 + (m[1] / b) ** 2) / m[2] ** 2
+    if e > 85:
+        return None  # exp(-e) is 0 in float32
+    value = gmpy2.exp(-e) / (gmpy2.const_pi() * a * b * m[2] ** 4)
+    return [(value, value * (1 + e / 2))]
+
+
+def _beckmann_masking(*v):
+    """Lambda in units of 1 + Lambda, and G1 (Walter et al. 2007, exact form of eq. 26)."""
+    w, alpha2 = v[:3], (v[-2] * v[0]) ** 2 + (v[-1] * v[1]) ** 2
+    if alpha2 == 0:
+        return [(gmpy2.mpfr(0), _ONE), (_ONE, None)]
+    a = abs(w[2]) / gmpy2.sqrt(alpha2)
+    hidden = (gmpy2.exp(-a * a) / (a * gmpy2.sqrt(gmpy2.const_pi())) - gmpy2.erfc(a)) / 2
+    return [(hidden, 1 + hidden), (1 / (1 + hidden), None)]
+
+
+def G(*v, masking=_masking):
+    (x, _), (y, _) = masking(*v[:3], *v[6:])[0], masking(*v[3:6], *v[6:])[0]
     return [(1 / (1 + x + y), None)]
 
 
-def _mirror_facets(*v):
-    """f and density of a Trowbridge-Reitz mirror with F = 1, at the half vector of the inputs."""
+def _mirror_facets(*v, area=D, masking=_masking):
+    """f and density of a mirror with F = 1, at the half vector of the inputs.
+
+    Facets are drawn from the visible ones of Trowbridge and Reitz.
+    """
     o, i, a, b = v[:3], v[3:6], v[6], v[7]
     if o[2] * i[2] <= 0:
         return None
     h = [x + y for x, y in zip(o, i, strict=True)]
     length = gmpy2.sqrt(sum(x * x for x in h))
     h = [x / length * (1 if o[2] > 0 else -1) for x in h]
-    facets, visible = D(*h, a, b)[0][0], G(*v)[0][0]
+    facets = area(*h, a, b)
+    if facets is None:
+        return None
+    facets, visible = facets[0][0], G(*v, masking=masking)[0][0]
     G1 = 2 * abs(o[2]) / (abs(o[2]) + stretched(o, a, b))
     return [
         (facets * visible / (4 * abs(o[2] * i[2])), None),
-        (G1 * facets / (4 * abs(o[2])), None),
+        (G1 * D(*h, a, b)[0][0] / (4 * abs(o[2])), None),
     ]
 
 
@@ -74,12 +104,17 @@ def _facets(random, size, eps):
 _FACETS = ((-1.0, 1.0), (0.0, 6.3), (-1.0, 1.0), (0.0, 6.3), (1e-3, 1.0), (1e-3, 1.0))
 
 
-def _vectors(v):
-    return jnp.stack(v[:3]), jnp.stack(v[3:6]), TrowbridgeReitz(v[6], v[7])
+def _vectors(v, facets=TrowbridgeReitz):
+    return jnp.stack(v[:3]), jnp.stack(v[3:6]), facets(v[6], v[7])
 
 
-def _our_mirror(*v):
-    o, i, facets = _vectors(v)
+def _our_beckmann_masking(*v):
+    w, _, facets = _vectors(v, Beckmann)
+    return facets.Lambda(w), facets.G1(w)
+
+
+def _our_mirror(*v, facets=TrowbridgeReitz):
+    o, i, facets = _vectors(v, facets)
     model = bsdf.Reflector(bsdf.FresnelNone(), facets)
     return model.evaluate(o, i), model.density(o, i)
 
@@ -191,5 +226,21 @@ BSDFS = SMOOTH | {
     ),
     "Reflector.evaluate, density": Function(
         _facets, _FACETS, _our_mirror, _mirror_facets, 24.0, 100.0, _rough, conditioned=True,
+    ),
+    "Beckmann.D": Function(
+        _facets, _FACETS, lambda *v: (_vectors(v, Beckmann)[2].D(_vectors(v)[0]),), _beckmann,
+        8.0, 24.0, _rough, conditioned=True,
+    ),
+    "Beckmann.Lambda, G1": Function(
+        _facets, _FACETS, _our_beckmann_masking, _beckmann_masking, 8.0, 24.0, _rough,
+    ),
+    "Beckmann.G": Function(
+        _facets, _FACETS, lambda *v: (_vectors(v, Beckmann)[2].G(*_vectors(v)[:2]),),
+        functools.partial(G, masking=_beckmann_masking), 8.0, 24.0, _rough,
+    ),
+    "Reflector of Beckmann.evaluate, density": Function(
+        _facets, _FACETS, functools.partial(_our_mirror, facets=Beckmann),
+        functools.partial(_mirror_facets, area=_beckmann, masking=_beckmann_masking), 24.0, 100.0,
+        _rough, conditioned=True,
     ),
 }  # fmt: skip

@@ -46,6 +46,7 @@ class Function(NamedTuple):
     conditioned: bool = False
     # pairs (result, other): what such a change does to the other counts for the result, too
     coupled: tuple[tuple[int, int], ...] = ()
+    dtypes: tuple[type, ...] = (np.float64, np.float32)
 
 
 def decades(random, size, low, high):

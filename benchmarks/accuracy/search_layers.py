@@ -66,14 +66,17 @@ def fields(Y, Q, thicknesses, w):
     return found
 
 
-def _stack(*columns):
+def stack(*columns, of_p=None):
+    """Truth of `layers.stack`; of_p: (K, N, Q of s) -> Q of p, which is the same if it is None."""
     c, media, thicknesses, w = split(*columns)
     # an opaque layer of 600 bits each may cancel
     with gmpy2.context(gmpy2.get_context(), precision=500 + 650 * len(thicknesses)):
         N, Q = normal_wavevectors(c, media)
+        Q_p = Q if of_p is None else of_p(N[0] ** 2 * (1 - c * c), N, Q)
         found = []
-        for Y in (Q, [q / (z * z) for q, z in zip(Q, N, strict=True)]):
-            inside = fields(Y, Q, thicknesses, w)
+        Y_p = [q / (z * z) for q, z in zip(Q_p, N, strict=True)]
+        for along_z, Y in ((Q, Q), (Q_p, Y_p)):
+            inside = fields(Y, along_z, thicknesses, w)
             U, V = inside[0]
             fluxes = [(v * u.conjugate()).real for u, v in inside]
             r, t = (Y[0] * U - V) / (Y[0] * U + V), 2 * Y[0] / (Y[0] * U + V)
@@ -128,7 +131,7 @@ def _stack_entries(name, count):
     limits = stack_limits([(1e-4, 2.0)] * count)
     value = Function(
         lambda random, size, eps: drawn_stack(random, size, count),
-        limits, _our_stack, _stack, 64.0, conditioned=True,
+        limits, _our_stack, stack, 64.0, conditioned=True,
         # In total reflection R hardly changes while r turns fast: R has the rounding of r.
         coupled=((0, 4), (1, 5)),
     )  # fmt: skip

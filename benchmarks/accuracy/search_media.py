@@ -9,7 +9,7 @@ from benchmarks.accuracy.search_models import WAVELENGTH, energy, of_permittivit
 from fresnel_jax import effective_medium
 from fresnel_jax.dispersion import BrendelBormann
 
-_J = gmpy2.mpc(0, 1)
+_J, _SPHERES = gmpy2.mpc(0, 1), gmpy2.mpq(1, 3)
 
 
 def _to_mpmath(x):
@@ -56,18 +56,19 @@ def _our_brendel_bormann(w, plasma2, width_0, *oscillator):
 def _mixture(rule):
     """Truth of a mixture of two media; the index is measured by its modulus, as it is stated."""
 
-    def truth(n0, k0, n1, k1, f):
+    def truth(n0, k0, n1, k1, *f):
         e0, e1 = gmpy2.mpc(n0, k0) ** 2, gmpy2.mpc(n1, k1) ** 2
-        N = gmpy2.sqrt(rule(e0, e1, f))
+        N = gmpy2.sqrt(rule(e0, e1, *f))
         return [(N.real, abs(N)), (N.imag, abs(N))]
 
     return truth
 
 
-def _bruggeman(e0, e1, f):
-    b = (2 - 3 * f) * e0 + (3 * f - 1) * e1
-    root = gmpy2.sqrt(b * b + 8 * e0 * e1)
-    both = ((b + root) / 4, (b - root) / 4)
+def _bruggeman(e0, e1, f, L=_SPHERES):
+    rest = 1 - L
+    b = (1 - f) * (rest * e0 - L * e1) + f * (rest * e1 - L * e0)
+    root = gmpy2.sqrt(b * b + 4 * rest * L * e0 * e1)
+    both = ((b + root) / (2 * rest), (b - root) / (2 * rest))
     # Wiener's bounds leave the root between the directions of both constituents.
     bisector = (gmpy2.sqrt(e0) * gmpy2.sqrt(e1)).conjugate()
     return max(both, key=lambda e: (e * bisector).real)
@@ -91,8 +92,9 @@ def _linear(e0, e1, f):
 
 
 def _ours(model):
-    def function(n0, k0, n1, k1, f):
-        return tuple(model(jnp.stack([n0, n1]), jnp.stack([k0, k1]), f[None]))
+    def function(n0, k0, n1, k1, f, *depolarization):
+        both = jnp.stack([n0, n1]), jnp.stack([k0, k1])
+        return tuple(model(*both, f[None], *depolarization))
 
     return function
 
@@ -119,4 +121,8 @@ MEDIA = {
         )
         for name, rule in _RULES.items()
     },
+    "bruggeman of grains": plain_entry(
+        (*_MIXED, (1e-3, 0.999)), _ours(effective_medium.bruggeman), _mixture(_bruggeman), 16.0,
+        300.0, conditioned=True,
+    ),
 }  # fmt: skip

@@ -125,9 +125,9 @@ def fields_at_depth(
     Returns:
         `DepthFields(E_x, E_y, E_z, absorption_s, absorption_p)` with `.absorption`, of the
         broadcast shape. The integral of an absorption over a layer is A of `stack`. Errors are
-        those of the fast tier, relative to the largest field of the layer: within 60 eps for each
-        radian of 2 pi |N| thickness / wavelength, but half of the digits next to the critical
-        angle of a layer.
+        within 200 eps for each radian of 2 pi |N| thickness / wavelength of all layers, relative to
+        the larger of the two waves in the layer, or to what one eps of each argument does. Next to
+        the critical angle of a layer its waves are large, cancel, and leave half of the digits.
 
     Derivatives with respect to every argument are those of the fields in their medium; a boundary
     that moves over a depth is not seen. Along the normal E_z grows as the sine, and 0 is returned

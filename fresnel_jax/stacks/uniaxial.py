@@ -3,10 +3,11 @@
 The field of s-polarized light is ordinary: it sees N_o. That of p has a part along the axis; its
 tangential fields obey the law of an isotropic layer in `coherent` with g = N_o^2 / N_0^2 and
 
-    Q_p^2 = N_o^2 (1 - K^2 / N_e^2) = Q_s^2 + K^2 (N_e^2 - N_o^2) / N_e^2.
+    Q_p^2 = N_o^2 (1 - K^2 / N_e^2).
 
-Of the last term rounding changes Q_p^2 as little as rounding of N_0 and N_e does. The mismatch h_p
-is (g^2 Q_0^2 - Q_p^2) / (Q_p + g Q_0), in which nothing is subtracted but at Brewster's angle:
+Of the difference N_o^2 - N_o^2 K^2 / N_e^2, with an exact N_o^2, rounding changes Q_p^2 as little
+as rounding of N_0 and N_e does. The mismatch h_p is (g^2 Q_0^2 - Q_p^2) / (Q_p + g Q_0), in which
+nothing is subtracted but at Brewster's angle:
 
     g^2 Q_0^2 - Q_p^2 = g ((N_o^2 - N_0^2) Q_0^2 / N_0^2 - (N_e^2 - N_0^2) K^2 / N_e^2).
 
@@ -26,8 +27,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._numerics.complex import Complex, Pair, inverse, minus, pair, plus, square, times
-from .._numerics.double_word import DoubleWord, total
+from .._numerics.complex import Complex, Pair, inverse, minus, pair, scaled, square, times
+from .._numerics.double_word import DoubleWord, difference_of_squares, total, twice_product
 from .._numerics.index import IndexLike
 from .coherent import Ambient, Axis, Medium, at, medium, normal_squared, outgoing_root
 
@@ -74,6 +75,34 @@ def split(index: Any) -> tuple[Any, list[Any] | None]:
     return [ordinary for ordinary, _ in parts], [extraordinary for _, extraordinary in parts]
 
 
+def medium_of_p(
+    ordinary: Medium, front: Ambient, n: Array, k: Array | None, e: Extraordinary
+) -> tuple[Medium, Pair]:
+    """The media behind `front` as p sees them, and Q of the wave that leaves through the last.
+
+    n + ik are the ordinary indices, on the leading axis as those of e; the first is of `front`.
+    """
+    k_o, k_e = (None, None) if k is None or e.k is None else (k[1:], e.k[1:])
+    extraordinary, around = medium(e.n[1:], k_e, front.n, front.k), at(None, front)
+    along = times(around.transverse2, inverse(extraordinary.n2))
+    n2 = difference_of_squares(n[1:], jnp.zeros_like(n[1:]) if k_o is None else k_o)
+    axial = scaled(-1.0, times(ordinary.n2, along))
+    q2 = _plus((n2, None if k_o is None else twice_product(n[1:], k_o)), axial)
+    ratio = times(at(-1, (n, k)), inverse(at(-1, (e.n, e.k))))
+    across = times(square(around.q), inverse(square((around.n, around.k))))
+    gap = minus(
+        times(_high(ordinary.contrast), across), times(_high(extraordinary.contrast), along)
+    )
+    seen = ordinary._replace(
+        # For s, which nothing reads, that of a medium with this Q: the pass stays finite.
+        contrast=_plus(q2, scaled(-1.0, _high(around.q2))),
+        q2=q2,
+        axis=Axis(times(ordinary.g, gap), extraordinary.n2),
+    )
+    q_far = outgoing_root(*normal_squared(at(-1, extraordinary), front))
+    return seen, pair(times(ratio, q_far))
+
+
 def _plus(z: tuple[DoubleWord, DoubleWord | None], w: Complex) -> Any:
     parts = (None if y is None else (y, jnp.zeros_like(y)) for y in w)
     return tuple(
@@ -83,31 +112,3 @@ def _plus(z: tuple[DoubleWord, DoubleWord | None], w: Complex) -> Any:
 
 def _high(z: tuple[DoubleWord, DoubleWord | None]) -> Complex:
     return z[0][0], None if z[1] is None else z[1][0]
-
-
-def medium_of_p(
-    ordinary: Medium, front: Ambient, n: Array, k: Array | None, e: Extraordinary
-) -> tuple[Medium, Pair]:
-    """The media behind `front` as p sees them, and Q of the wave that leaves through the last.
-
-    n + ik are the ordinary indices, on the leading axis as those of e; the first is of `front`.
-    """
-    k_o, k_e = (None, None) if k is None or e.k is None else (k[1:], e.k[None, 1:])
-    beside = at(0, medium(e.n[None, 1:], k_e, n[1:], k_o))  # N_e^2 beside N_o^2
-    birefringence, per_n2 = _high(beside.contrast), inverse(beside.n2)
-    q2_s, around = normal_squared(ordinary, at(None, front)), at(None, front)
-    along = times(around.transverse2, per_n2)
-    step = times(along, birefringence)
-    # N_e^2 - K^2 of the last medium, and N_o / N_e
-    q2_e = _plus(at(-1, q2_s), at(-1, birefringence))
-    ratio = times((n[-1], None if k is None else k[-1]), inverse(at(-1, (e.n, e.k))))
-    contrast = _high(ordinary.contrast)
-    across = times(square(around.q), inverse(square((around.n, around.k))))
-    gap = minus(times(contrast, across), times(plus(contrast, birefringence), along))
-    seen = ordinary._replace(
-        # For s, which nothing reads, that of a medium with this Q: the pass stays finite.
-        contrast=_plus(ordinary.contrast, step),
-        q2=_plus(q2_s, step),
-        axis=Axis(times(ordinary.g, gap), beside.n2),
-    )
-    return seen, pair(times(ratio, outgoing_root(*q2_e)))
