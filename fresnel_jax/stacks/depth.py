@@ -23,12 +23,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from .._numerics.arguments import (
-    as_floats,
-    check_cosine,
-    check_positive,
-    real,
-)
+from .._numerics.arguments import as_floats, check_cosine, check_positive, real
 from .._numerics.index import IndexLike
 from .._numerics.results import exported
 from ..boundary.boundary import unsigned
