@@ -5,9 +5,10 @@ tangential fields obey the law of an isotropic layer in `coherent` with g = N_o^
 
     Q_p^2 = N_o^2 (1 - K^2 / N_e^2).
 
-Of the difference N_o^2 - N_o^2 K^2 / N_e^2, with an exact N_o^2, rounding changes Q_p^2 as little
-as rounding of N_0 and N_e does. The mismatch h_p is (g^2 Q_0^2 - Q_p^2) / (Q_p + g Q_0), in which
-nothing is subtracted but at Brewster's angle:
+It is formed as Q_s^2 + K^2 (N_e^2 - N_o^2) / N_e^2 where the indices are alike, else as
+N_o^2 - N_o^2 K^2 / N_e^2, each with an exact first term: of the second one, the smaller of the two,
+rounding changes Q_p^2 as little as rounding of the indices does. The mismatch h_p is
+(g^2 Q_0^2 - Q_p^2) / (Q_p + g Q_0), in which nothing is subtracted but at Brewster's angle:
 
     g^2 Q_0^2 - Q_p^2 = g ((N_o^2 - N_0^2) Q_0^2 / N_0^2 - (N_e^2 - N_0^2) K^2 / N_e^2).
 
@@ -24,10 +25,21 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._numerics.complex import Complex, Pair, inverse, minus, pair, scaled, square, times
+from .._numerics.complex import (
+    Complex,
+    Pair,
+    inverse,
+    minus,
+    pair,
+    scaled,
+    square,
+    squared_modulus,
+    times,
+)
 from .._numerics.double_word import DoubleWord, difference_of_squares, total, twice_product
 from .._numerics.index import IndexLike
 from .coherent import Ambient, Axis, Medium, at, medium, normal_squared, outgoing_root
@@ -88,6 +100,11 @@ def medium_of_p(
     n2 = difference_of_squares(n[1:], jnp.zeros_like(n[1:]) if k_o is None else k_o)
     axial = scaled(-1.0, times(ordinary.n2, along))
     q2 = _plus((n2, None if k_o is None else twice_product(n[1:], k_o)), axial)
+    beside = at(0, medium(e.n[None, 1:], at(None, k_e), n[1:], k_o))
+    birefringence = _high(beside.contrast)
+    close = squared_modulus(birefringence) < squared_modulus(ordinary.n2)
+    nearly_isotropic = _plus(normal_squared(ordinary, around), times(along, birefringence))
+    q2 = jax.tree.map(lambda a, b: jnp.where(close, a, b), nearly_isotropic, q2)
     ratio = times(at(-1, (n, k)), inverse(at(-1, (e.n, e.k))))
     across = times(square(around.q), inverse(square((around.n, around.k))))
     gap = minus(
