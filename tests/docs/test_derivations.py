@@ -1056,6 +1056,8 @@ def _(rng):
     (N_o, N_e), K2 = Films(rng).N[1:3], draw(rng, 0, 2)
     Q2 = N_o**2 * (1 - K2 / N_e**2)
     yield (N_o**2 - Q2) * (N_e**2 - K2), K2 * Q2
+    yield Q2, N_o**2 - N_o**2 * K2 / N_e**2
+    yield Q2, N_o**2 - K2 + K2 * (N_e**2 - N_o**2) / N_e**2
 
 
 @check("S39")
