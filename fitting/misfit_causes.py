@@ -15,6 +15,7 @@ from fitting.data.measurement import Measurement
 from fitting.data.quantities import are_powers
 from fitting.data.scatter import LEAST_VALUES, differences
 from fitting.optics.instrument import INSTRUMENT
+from fitting.outcomes.findings import with_headline
 from fitting.problem.observations import labels_of
 from fitting.problem.problem import FitOptions
 from fitting.residuals.error_model import beyond_chance
@@ -28,6 +29,7 @@ from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
 from fitting.uncertainty.intervals import QUADRATIC
 from fitting.uncertainty.likelihood import MARGIN
+from fitting.uncertainty.widening import widened
 
 
 class _Cause(NamedTuple):
@@ -132,7 +134,7 @@ def explained(
             fixed={**settings.fixed, **held}, variants=tuple(c.quiet),
             bounds={**settings.bounds, **({c.free: c.bounds} if c.bounds else {})},
         )  # fmt: skip
-        return run(c.sample, freed, how._replace(kept_as=c.name))
+        return with_headline(widened(run(c.sample, freed, how._replace(kept_as=c.name))))
 
     causes = _of_instrument(m, sample, settings) + _of_sample(m, sample, settings)
     tried = []

@@ -239,10 +239,11 @@ def on_rows(
         yield _finding("by_the_model_alone")
     order = pattern(m, fitted, curve, stated)
     if order is not None:
+        free = (u.labels.get(n, "") for n, w in zip(u.spec.moving, u.moving, strict=True) if w.free)
         yield _finding(
             "residuals_in_order", along=order.along, correlation=order.correlation,
             chance=order.chance, powers=bool(are_powers(m.quantity).all()),
-            as_it_is=alone and not any(_bare(name) in INSTRUMENT for name in u.spec.moving),
+            as_it_is=alone and not any(_bare(name) in INSTRUMENT for name in free),
         )  # fmt: skip
 
 

@@ -114,9 +114,13 @@ def agree(value: float, sigma: float, low: float, high: float, student: float) -
 
 
 def _to_its_interval(value: float, low: float, high: float) -> str:
-    """Return ``value`` to the third digit of the distance to the nearer end of its interval."""
+    """Return ``value`` to the third digit of the distance to the nearer end of its interval.
+
+    An end nearer than a hundredth of the other's distance is the value itself, as at a bound.
+    """
     away = [abs(end - value) for end in (low, high) if math.isfinite(end) and end != value]
-    digits = 3 + math.floor(math.log10(abs(value) / min(away))) if value and away else 4
+    nearer = max(min(away), 0.01 * max(away)) if away else 0.0
+    digits = 3 + math.floor(math.log10(abs(value) / nearer)) if value and away else 4
     digits = min(max(digits, 2), 15)
     return f"{value:.{digits - 1}e}" if 0.0 < abs(value) < 1e-3 else number(value, digits)
 

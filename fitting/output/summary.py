@@ -417,7 +417,10 @@ def table(fit: FitData, width: int = 80, reference: str = "", choice: Any = None
 
 
 def one_line(fit: FitData) -> str:
-    """Return ``<Fit: gold.csv, eta 0.344 +- 0.022, k 1.820 +- 0.087, converged>``."""
+    """Return ``<Fit: gold.csv, eta 0.344 +- 0.022, k 1.820 +- 0.087, converged>``.
+
+    Of a batch how many fits converged, and how many have warnings.
+    """
     free = [] if fit.shape else fit.names
     parts = [title_of(fit)]
     parts += [f"{shown_name(fit, n)} {value_text(fit.parameters[n], reach(fit))}" for n in free[:4]]
@@ -426,6 +429,8 @@ def one_line(fit: FitData) -> str:
     parts.append(status_of(fit))
     if fit.findings and not fit.shape:
         parts.append(counted(len(fit.findings), "warning"))
+    elif warned := int(np.any([np.broadcast_to(f.at, fit.shape) for f in fit.findings], 0).sum()):
+        parts.append(f"{warned} with warnings")
     return visible(f"<Fit: {', '.join(parts)}>")
 
 

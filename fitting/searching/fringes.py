@@ -26,7 +26,8 @@ _STEP = 0.15
 _LARGEST_GRID = 6000
 # Thicknesses below a quarter of a fringe differ in no phase: a few are tried, even in logarithm.
 _THIN = 8
-# Points of the window of the Fourier transform; its shape suits twice as many points as thicknesses.
+# Points of the window of the Fourier transform. Its shape suits twice as many points as there are
+# thicknesses.
 _WIDTH = 12
 _SHAPE = np.pi * np.sqrt((0.75 * _WIDTH) ** 2 - 0.8)
 
@@ -72,9 +73,8 @@ def harmonic_sums(vectors: np.ndarray, rate: np.ndarray, grid: Grid) -> np.ndarr
     """Return sum_m vectors[v, m] exp(2 pi i rate[m] d) at all thicknesses d of a grid, (V, D).
 
     By a fast Fourier transform of the vectors (V, M), spread over an even grid of rates with Kaiser
-    and Bessel's window (J. Fessler and B. Sutton, IEEE Trans. Signal Process.
-    51, 560 (2003), doi:10.1109/TSP.2002.807005). Its error is below 1e-11 of the sum of
-    abs(vectors).
+    and Bessel's window (J. Fessler and B. Sutton, IEEE Trans. Signal Process. 51, 560 (2003),
+    doi:10.1109/TSP.2002.807005). Its error is below 1e-11 of the sum of abs(vectors).
     """
     thin = vectors @ np.exp(2j * np.pi * np.outer(rate, grid.thin))
     from scipy import sparse, special  # slow to import, of use for films alone

@@ -101,6 +101,8 @@ def test_no_standard_error_beside_an_interval_that_says_otherwise():
     assert value_text(_estimate(1.0, 0.1, 0.8, 1.2, "profile"), 1.96) == "1.00 +- 0.10"
     skew = _estimate(1.22e-4, 0.32e-4, 0.757e-4, 2.25e-4, "profile")
     assert value_text(skew, 1.96) == "1.22e-04"
+    # next to its bound, where it had the digits of the rounding
+    assert value_text(_estimate(1.0 + 3e-11, 0.6, 1.0, 1.35, "profile"), 1.96) == "1.0000"
     assert beside(skew) == "(0.76 to 2.25)e-04 (profile likelihood)"
 
 

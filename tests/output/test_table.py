@@ -125,7 +125,7 @@ def test_the_repr_is_one_line(gold, spectrum):
         "<Fit: gold_532nm.csv, eta 0.344 +- 0.022, k 1.820 +- 0.087, converged, "
         f"{len(gold.warnings)} warning{'s' * (len(gold.warnings) > 1)}>"
     )
-    assert repr(spectrum) == "<Fit: simulated, 2 converged, 1 undetermined>"
+    assert repr(spectrum) == "<Fit: simulated, 2 converged, 1 undetermined, 2 with warnings>"
 
 
 def test_a_batch_without_data_is_told_curve_by_curve():
