@@ -22,7 +22,7 @@ from fitting.residuals.error_model import beyond_chance
 from fitting.residuals.residuals import weighted_residuals
 from fitting.results.diagnostics import Finding, Warning, ranked
 from fitting.results.result import FitData
-from fitting.results.result_parts import CONVERGED, DETERMINED, MISFIT
+from fitting.results.result_parts import AT_LOWER, AT_UPPER, CONVERGED, DETERMINED, MISFIT
 from fitting.samples.dispersion import Model
 from fitting.samples.known_media import BETWEEN, lossless
 from fitting.samples.parameters import Settings
@@ -103,6 +103,12 @@ def _of_sample(m: Measurement, sample: Sample, settings: Settings) -> list[_Caus
     return out
 
 
+def _at_an_end(c: _Cause, f: FitData) -> bool:
+    """Whether what was set free ended at a bound of its range: wavelengths 50 nm off, say."""
+    own = [e for n, e in f.parameters.items() if n.partition("[")[0] == c.free]
+    return any(e.status in (AT_LOWER, AT_UPPER) for e in own)
+
+
 # Of right fits one in twenty has a chi2 for which a cause is looked for, and few find one.
 _DOUBTED = 0.05
 
@@ -143,8 +149,9 @@ def explained(
             tried.append((c, fitted(c)))
     least = fitted(_Cause("", sample)).bic - MARGIN
     good = [t for t in tried if t[1].status in DETERMINED and t[1].bic < least]
-    # What describes the data is named alone; else what comes nearest.
-    good = [t for t in good if t[1].status == CONVERGED] or good
+    # What describes the data is named alone; else what comes nearest within its range.
+    inside = [t for t in good if not _at_an_end(*t)]
+    good = [t for t in good if t[1].status == CONVERGED] or inside
     good.sort(key=lambda t: t[1].bic)
     said = []
     for c, f in [t for t in good if t[1].bic <= good[0][1].bic + MARGIN]:

@@ -182,6 +182,18 @@ def test_an_oxide_is_named_with_its_thickness_and_the_index_below_it():
     assert after["eta"][0] == pytest.approx(3.9, abs=0.01)
 
 
+def test_a_cause_at_the_end_of_its_range_that_still_misses_is_not_named():
+    """Angles 25 degrees off, of which a fit allows 20."""
+    angle = np.linspace(5.0, 45.0, 41)
+    R_s = simulate("1.5", {}, angle + 25.0, 0.6, "R_s")
+    R_s = R_s + 1e-4 * np.random.default_rng(0).standard_normal(41)
+    m = Measurement.from_columns(angle, 0.6, R_s=R_s, sigma=1e-4)
+    others = {"k": 0.0, "scale": 1.0, "background": 0.0, "leak": 0.0}
+    found = fit(m, "constant", fixed=others, intervals="quadratic")
+    assert found.status == "misfit"
+    assert "explained_by" not in codes(found)
+
+
 # What is named of misfits that R_s and R_p of a bare surface show, and of films.
 NAMED = {
     "scale 2 %, bare s p": "scale", "angle .3, bare s p": "angle_offset",
