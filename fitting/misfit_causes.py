@@ -143,12 +143,14 @@ def explained(
         return with_headline(widened(run(c.sample, freed, how._replace(kept_as=c.name))))
 
     causes = _of_instrument(m, sample, settings) + _of_sample(m, sample, settings)
-    tried = []
-    for c in causes:
+    least, good = fitted(_Cause("", sample)).bic - MARGIN, []
+    for c in sorted(causes, key=lambda c: c.free == "bandwidth"):
+        # A slit takes longer than all others: it is tried where none of them describes the data.
+        if c.free == "bandwidth" and any(f.status == CONVERGED for _, f in good):
+            break
         with contextlib.suppress(ValueError):  # some data are not those of such a sample
-            tried.append((c, fitted(c)))
-    least = fitted(_Cause("", sample)).bic - MARGIN
-    good = [t for t in tried if t[1].status in DETERMINED and t[1].bic < least]
+            f = fitted(c)
+            good += [(c, f)] if f.status in DETERMINED and f.bic < least else []
     # What describes the data is named alone; else what comes nearest within its range.
     inside = [t for t in good if not _at_an_end(*t)]
     good = [t for t in good if t[1].status == CONVERGED] or inside

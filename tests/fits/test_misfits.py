@@ -225,6 +225,16 @@ def test_a_random_misfit_is_told_and_its_cause_named(name, monkeypatch):
     check_agreement(found)
 
 
+@pytest.mark.study
+def test_a_slit_is_tried_where_nothing_else_describes_the_data():
+    case = CASES["slit 12 nm, R"]
+    found = fit(measured(case, np.random.default_rng([4, 99, 0]))[0], case.fitted)
+    (told,) = (w for w in found.warnings if w.code == "explained_by")
+    assert [(what, fits) for what, _, fits, *_ in told.values["explanations"]] == [
+        ("bandwidth", True)
+    ]
+
+
 def test_the_study_counts_a_misfit_that_is_told(leaking):
     case, truth = CASES["leak 3 %, bare s p"], {"eta": 4.16, "k": 0.04}
     v = verdict(leaking, case, truth)
