@@ -67,7 +67,7 @@ def _of_instrument(m: Measurement, sample: Sample, settings: Settings) -> list[_
     quiet = {n: x for n, x in quiet.items() if n not in mentioned}
     out = [_Cause(n, sample, n, quiet, bounds.get(n)) for n in quiet]
     if sample.films and spectrum and "bandwidth" not in mentioned:
-        # by itself, since it takes eleven wavelengths at each datum
+        # by itself, and only where nothing else will do: it takes eleven wavelengths at each datum
         out.append(_Cause("bandwidth", sample, "bandwidth", {"bandwidth": 0.0}))
     return out
 
@@ -103,14 +103,8 @@ def _of_sample(m: Measurement, sample: Sample, settings: Settings) -> list[_Caus
     return out
 
 
-def _at_an_end(c: _Cause, f: FitData) -> bool:
-    """Whether what was set free ended at a bound of its range: wavelengths 50 nm off, say."""
-    own = [e for n, e in f.parameters.items() if n.partition("[")[0] == c.free]
-    return any(e.status in (AT_LOWER, AT_UPPER) for e in own)
-
-
 # Of right fits one in twenty has a chi2 for which a cause is looked for, and few find one.
-_DOUBTED = 0.05
+_DOUBTED, _ENDS = 0.05, {AT_LOWER, AT_UPPER}
 
 
 def explained(
@@ -145,15 +139,16 @@ def explained(
     causes = _of_instrument(m, sample, settings) + _of_sample(m, sample, settings)
     least, good = fitted(_Cause("", sample)).bic - MARGIN, []
     for c in sorted(causes, key=lambda c: c.free == "bandwidth"):
-        # A slit takes longer than all others: it is tried where none of them describes the data.
         if c.free == "bandwidth" and any(f.status == CONVERGED for _, f in good):
             break
         with contextlib.suppress(ValueError):  # some data are not those of such a sample
             f = fitted(c)
             good += [(c, f)] if f.status in DETERMINED and f.bic < least else []
     # What describes the data is named alone; else what comes nearest within its range.
-    inside = [t for t in good if not _at_an_end(*t)]
-    good = [t for t in good if t[1].status == CONVERGED] or inside
+    good = [t for t in good if t[1].status == CONVERGED] or [
+        (c, f) for c, f in good
+        if not {e.status for n, e in f.parameters.items() if n.partition("[")[0] == c.free} & _ENDS
+    ]  # fmt: skip
     good.sort(key=lambda t: t[1].bic)
     said = []
     for c, f in [t for t in good if t[1].bic <= good[0][1].bic + MARGIN]:

@@ -75,9 +75,8 @@ def _instrument_errors(v: Values) -> Tries:
 
 
 def _drifted(v: Values) -> Tries:
-    if not v["as_it_is"]:
-        return ()
-    return (_SCALE,) if v["powers"] and v["along"] != "angle" else (_ANGLES,)
+    advice = _SCALE if v["powers"] and v["along"] != "angle" else _ANGLES
+    return (advice,) if v["as_it_is"] else ()
 
 
 def _with_explanation(v: Values) -> Tries:
@@ -131,17 +130,16 @@ def _combination(v: Values) -> str:
 
 
 def _explained_by(v: Values) -> str:
-    def value(x: float, s: float, low: float, high: float) -> str:
-        without = f"{low:.4g} to {high:.4g} (95 %)" if low < high else f"{x:.4g}"
-        return f"{x:.4g} +- {s:.2g}" if s > 0.0 else without
-
     def values(some: Values) -> str:
-        return ", ".join(f"{n} {value(*of)}" for n, of in some.items())
+        return ", ".join(
+            f"{n} {x:.4g}{f' +- {s:.2g}' * (s > 0.0)}" if s > 0.0 or not low < high
+            else f"{n} {low:.4g} to {high:.4g} (95 %)"
+            for n, (x, s, low, high) in some.items()
+        )  # fmt: skip
 
     each = "; or ".join(
-        f"{what}: {values(new)}{', ' * bool(new)}rms {rms:.4g}"
-        f"{'' if fits else ', still no noise'}, and then "
-        f"{values(after)}"
+        f"{what}: {values(new)}{', ' * bool(new)}rms {rms:.4g}{', still no noise' * (not fits)}, "
+        f"and then {values(after)}"
         for what, rms, fits, new, after in v["explanations"]
     )
     return f"the data are described better by {each}. Look for the cause, and fit with it."
@@ -192,16 +190,15 @@ def _others_hold(v: Values) -> str:
 
 def _range(low: float, high: float) -> str:
     """Return ``193.99 to 194.14``: to the second digit of the distance, four digits at least."""
-    places = np.floor(np.log10([max(abs(low), abs(high)), high - low])) if low < high else [0, 0]
-    digits = int(max(2 + places[0] - places[1], 4)) if np.isfinite(places).all() else 4
+    size, width = np.floor(np.log10([max(abs(low), abs(high), 1e-300), high - low or 1.0]))
+    digits = int(max(4, 2 + size - width)) if np.isfinite(size) else 4
     return f"{low:.{digits}g} to {high:.{digits}g}"
 
 
 def _not_quadratic(v: Values) -> str:
+    text = "{}: {} (by its standard error {})"
     rows = zip(v["parameters"], v["intervals"], v["by_sigma"], strict=True)
-    each = _first(
-        f"{n}: {_range(*own)} (by its standard error {_range(*error)})" for n, own, error in rows
-    )
+    each = _first(text.format(n, _range(*own), _range(*error)) for n, own, error in rows)
     return (
         "standard errors mislead for these parameters, since the fitted curve is not linear in "
         "them over the range of their errors; their 95 % intervals (profile likelihood) are "

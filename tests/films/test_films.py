@@ -122,7 +122,9 @@ def test_fringes_tell_the_thickness(thickness):
     assert np.median(np.abs(found - thickness * rates[4].mean())) < 1.0
 
 
-@pytest.mark.parametrize(("rate", "count"), [(3.0, 4000), (900.0, 700), (0.2, 161), (40.0, 90), (40.0, 1)])
+@pytest.mark.parametrize(
+    ("rate", "count"), [(3.0, 4000), (900.0, 700), (0.2, 161), (40.0, 90), (40.0, 1)]
+)
 def test_sums_over_the_data_at_many_thicknesses(rate, count):
     """By a Fourier transform as one by one, also where the phase turns often between two steps."""
     random = np.random.default_rng(11)

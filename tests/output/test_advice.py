@@ -205,12 +205,13 @@ def test_an_index_that_no_solid_has_is_marked():
 
 
 def test_numbers_in_warnings_have_the_digits_of_their_intervals():
-    wide, narrow = SENTENCES["not_quadratic"][0], SENTENCES["explained_by"][0]
     rows = {"parameters": ["d", "A"], "intervals": [[193.988, 194.141], [1.0, np.inf]],
             "by_sigma": [[193.94, 194.22], [np.nan, np.nan]]}  # fmt: skip
-    assert "d: 193.99 to 194.14 (by its standard error 193.94 to 194.22)" in wide(rows)
+    told = Warning("not_quadratic", {}, rows).sentence
+    assert "d: 193.99 to 194.14 (by its standard error 193.94 to 194.22)" in told
     offset = {"wavelength_offset": (-50.0, np.nan, np.nan, np.nan)}
-    told = narrow({"explanations": [("wavelength_offset", 0.07, False, offset, {})]})
+    explanations = [("wavelength_offset", 0.07, False, offset, {})]
+    told = Warning("explained_by", {}, {"explanations": explanations}).sentence
     assert "wavelength_offset -50, rms 0.07, still no noise" in told and "nan" not in told
 
 
@@ -224,5 +225,5 @@ def test_what_is_fitted_already_is_not_advised():
         assert " ".join(option for _, option in told.tries) == tries
     # no scale changes psi and Delta
     of_ellipses = {"along": "wavelength", "powers": False, "as_it_is": True}
-    drifted = SENTENCES["residuals_in_order"][1]
-    assert [option for _, option in drifted(of_ellipses)] == ["--free angle_offset"]
+    tries = Warning("residuals_in_order", {}, of_ellipses).tries
+    assert [option for _, option in tries] == ["--free angle_offset"]
