@@ -55,7 +55,7 @@ _MAY_VANISH = (*(set(INSTRUMENT) - {"scale"}), *"BCDEF")  # and the higher terms
 
 
 # What says that the sample does not describe the data: such a fit is a misfit, not converged.
-MISFITS = "does_not_describe", "candidates_do_not_describe", "explained_by"
+MISFITS = "does_not_describe", "candidates_do_not_describe", "explained_by", "alike"
 # Residuals whose neighbours are correlated by this are twice as large as the noise that second
 # differences show: the variance of these is 1 - 4 rho / 3 + rho^2 / 3 of theirs.
 _TWICE_THE_NOISE = 0.68

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import jax
 import numpy as np
+from scipy.special import chdtrc
 
+from fitting.optics.spec import NCS
 from fitting.outcomes.outcome import (
     EXACT,
     Shaped,
@@ -20,8 +23,11 @@ from fitting.outcomes.outcome import (
 from fitting.outcomes.surface_verdicts import marked, verdicts_of_batch
 from fitting.problem.curve_lanes import Slopes, shown_at, slopes
 from fitting.problem.evaluation import Alike, EachFit, Evaluated
+from fitting.problem.solver import NO_NOISE
 from fitting.residuals.noise import noise_of_misfits
+from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import FitData
+from fitting.results.result_parts import CONVERGED, MISFIT
 from fitting.samples.sample import Sample
 from fitting.searching.batch_search import BatchSearch
 from fitting.searching.minima import SAME_CHI2, scatters
@@ -37,6 +43,9 @@ _STEPS, _SMALL = 3, 1e-2
 # together so many times the sum of the squares. That is 1 for noise (above 1.7 in .4 % of fits of
 # 50 to 100 data) and 2.5 for a smooth misfit as large as the noise. Steps of derivatives then.
 _ALIKE, _STEP = 1.7, 1e-5
+# What residuals of many curves have in common is looked for in so many of them; in fewer than the
+# least it is not, nor told if it adds less than this to chi2 of each curve, or chance gives it.
+_COMPARED, _LEAST_COMPARED, _SHARED, _CHANCE = 1000, 30, 1.0, 1e-6
 # Two ends are two minima if some parameter differs by so many standard errors: lanes end within a
 # few hundredths of one. With 4 a fifth of the other minima of R_p were taken for the best one.
 _APART = 1.0
@@ -184,6 +193,33 @@ def _noise_of_misfits(search: BatchSearch, m: Solutions, together: np.ndarray) -
 
 
 @np.errstate(all="ignore")
+def _shared_misfit(search: BatchSearch, m: Solutions) -> float:
+    """Return by how much chi2 of each curve is larger by residuals that are alike in all; else 0.
+
+    Noise averages out over the curves, and what the sample or the instrument leaves does not: a
+    gain of 1 % that raised chi2/dof of films by .1, as chance does, shifted them by 27 nm.
+    """
+    curves, spec = search.curves, search.job.u.spec
+    some = np.flatnonzero(search.best.done[m.which] & (m.cost > NO_NOISE * m.squares))
+    some = some[:: -(-len(some) // _COMPARED)] if len(some) else some
+    if len(some) < _LEAST_COMPARED or {"angle_deg", "wavelength_um"} & {*curves.own}:
+        return 0.0
+    targets = curves.targets(m.which[some])
+    value, used = [*targets.values], [w > 0.0 for w in targets.weights]
+    if NCS in spec.channels:
+        value += [*targets.ncs]
+        used += [*(np.abs(targets.ncs_weights).sum(0) > 0.0)]
+    shown = np.moveaxis(shown_at(spec, curves, m.y[some].T, m.which[some]), 0, -1)
+    off = np.where(used, shown - value, np.nan).reshape(-1, len(some))
+    count = np.isfinite(off).sum(1)
+    off, count = off[count >= _LEAST_COMPARED], count[count >= _LEAST_COMPARED]
+    share = np.nanmean(off, 1) ** 2 / np.nanvar(off, 1, ddof=1)
+    rise = float((share - 1.0 / count).sum())
+    by_chance = chdtrc(len(count), (share * count).sum()) if len(count) else 1.0
+    return rise if rise > _SHARED and by_chance < _CHANCE else 0.0
+
+
+@np.errstate(all="ignore")
 def fit_of_batch(
     search: BatchSearch, shape: tuple[int, ...], sample: Sample, pooled: float | None = None,
     known: np.ndarray | None = None, at: Slopes | None = None,
@@ -250,6 +286,11 @@ def fit_of_batch(
             Alike(pattern, of_each(m.y), of_each(m.known.covariance), inside), shape
         ),
     )  # fmt: skip
+    if shared := _shared_misfit(search, m):
+        all_ended = np.isin(fits.status, (CONVERGED, MISFIT))
+        values = {"rise": shared, "measured": (*u.spec.channels,)}
+        new = Finding("alike", all_ended, values)
+        fits = replace(fits, findings=ranked([*fits.findings, new]))
     if told is None:
         return fits
     return marked(fits, verdicts, Shaped(shape, curves.count, which[asked]))

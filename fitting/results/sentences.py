@@ -381,6 +381,11 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
         "incomplete or the instrument drifted. The standard errors ".format_map(v) + (
             f"are multiplied by {v['widened']:.2g}, which may not be enough."
             if v.get("widened", 1.0) > 1.0 else "of the parameters are too small."), _drifted),
+    "alike": (
+        "the residuals of all curves of the batch are alike, and add {rise:.3g} to the chi2 of "
+        "each: something that all of them share, of the sample or of the instrument, is not as the "
+        "fit has it. The errors do not cover what it does to the values, which may be much more. "
+        "For the cause fit some of the curves by themselves (fit).", _instrument_errors),
     "few_starts_agree": (
         "only {reached} of {starts} starting points led to the best minimum: a better one may "
         "exist.", _more_starts),

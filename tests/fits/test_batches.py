@@ -141,6 +141,24 @@ def test_a_thickness_that_grows_over_many_fringes_is_followed_along_the_map():
     np.testing.assert_allclose(found.parameters["thickness_nm"].value, thickness, atol=8.0)
 
 
+def test_what_all_curves_share_is_told_though_chance_hides_it_in_each():
+    """A gain of .3 %, by which chi2/dof is 1.14 in the median."""
+    angle, random = np.linspace(20.0, 80.0, 16), np.random.default_rng(2)
+    each = [
+        {"eta": eta, "k": k}
+        for eta, k in zip(random.uniform(1.5, 2.5, 64), random.uniform(0.1, 0.5, 64), strict=True)
+    ]
+    exact = {q: np.array([simulate("constant", v, angle, 0.6, q) for v in each])
+             for q in ("R_s", "R_p")}  # fmt: skip
+    noise = {q: 1e-3 * random.standard_normal((64, 16)) for q in exact}
+    for gain, curves, told in ((1.0, 64, False), (1.003, 64, True), (1.003, 16, False)):
+        data = {q: (gain * exact[q] + noise[q])[:curves] for q in exact}
+        found = fit_many(angle, **data, sigma=1e-3, sample="constant")
+        alike = [f for f in found.findings if f.code == "alike"]
+        assert bool(alike) == told and ((found.status == "misfit") == told).all()
+        assert np.median(found.chi2_reduced) < 1.3
+
+
 def test_psi_and_delta_with_gaps_and_errors_of_their_own():
     angle, random = np.linspace(50.0, 77.0, 10), np.random.default_rng(3)
     errors, exact = {"psi": 0.05, "delta": 0.1}, [(2.0, 0.3), (1.5, 0.1), (0.3, 3.0)]
