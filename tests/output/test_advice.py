@@ -102,6 +102,7 @@ CASES = [
         {"along": "wavelength", "powers": True, "as_it_is": True},
     ),
     ("chi2_large", METAL, {}, {"no_sample": False, "measured": ()}),
+    ("alike", METAL, {}, {"rise": 3.0, "measured": ("R",)}),
     ("compatible_with_zero", GLASS, {}, None),
     ("quadratic_misleads", GLASS, {}, {}),
     ("prior_contradicted", GLASS, {**ONE, "priors": {"eta": (1.6, 1e-2)}}, None),
