@@ -154,6 +154,15 @@ def triangle(columns: list[list[Array]]) -> Array:
     return jnp.stack(out)
 
 
+def measured_rows(spec: Spec, targets: Targets) -> tuple[list[Any], list[Any]]:
+    """Return what each channel measured and where it did, (M, L) each, NCS as three."""
+    measured, used = [*targets.values], [w > 0.0 for w in targets.weights]
+    if NCS in spec.channels:
+        measured += [*targets.ncs]
+        used += [*(abs(targets.ncs_weights).sum(0) > 0.0)]
+    return measured, used
+
+
 def _evaluate(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, ...]:
     """Return `Slopes`, lanes last, and what each channel shows, (K, M, L)."""
     shape = (targets.points.angle_deg.shape[0], y.shape[1])
@@ -169,10 +178,7 @@ def _evaluate(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, ...]:
     rows = triangle(columns)
     sane = jnp.isfinite(rows).all((0, 1))
     rows = jnp.where(sane, rows, 0.0)
-    measured, used = [*targets.values], [w > 0.0 for w in targets.weights]
-    if NCS in spec.channels:
-        measured += [*targets.ncs]
-        used += [*(jnp.abs(targets.ncs_weights).sum(0) > 0.0)]
+    measured, used = measured_rows(spec, targets)
     squares = jnp.where(jnp.stack(used), shown - jnp.stack(measured), 0.0) ** 2
     kind = np.minimum(np.arange(len(used)), len(spec.channels) - 1)  # N, C and S are one
     plain, counts = (

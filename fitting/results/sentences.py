@@ -130,12 +130,13 @@ def _combination(v: Values) -> str:
 
 
 def _explained_by(v: Values) -> str:
+    def value(x: float, s: float, low: float, high: float) -> str:
+        if s > 0.0:
+            return f"{x:.4g} +- {s:.2g}"
+        return f"{low:.4g} to {high:.4g} (95 %)" if low < high else f"{x:.4g}"
+
     def values(some: Values) -> str:
-        return ", ".join(
-            f"{n} {x:.4g}{f' +- {s:.2g}' * (s > 0.0)}" if s > 0.0 or not low < high
-            else f"{n} {low:.4g} to {high:.4g} (95 %)"
-            for n, (x, s, low, high) in some.items()
-        )  # fmt: skip
+        return ", ".join(f"{n} {value(*numbers)}" for n, numbers in some.items())
 
     each = "; or ".join(
         f"{what}: {values(new)}{', ' * bool(new)}rms {rms:.4g}{', still no noise' * (not fits)}, "

@@ -41,7 +41,7 @@ FOUND = [
 # A thick layer in which light is evanescent: 8e8 eps of what it absorbs. An opaque film whose T of
 # 8e-37 was formed from squares that underflow in float32: 69 eps. A film behind an absorbing medium
 # next to Brewster's angle, where the root with Im Q >= 0 runs backward: 1,355 eps of R_p. A
-# uniaxial film of small ordinary index: 434 eps of R_p.
+# uniaxial film of small ordinary index: 434 eps of its results.
 FOUND_VALUES = [
     ("stack with rough boundaries", 1.0, 1.7914300213550294, 3.6606898748364674, 4.618108112516384,
      0.3138130784345965, 0.0001232561928857477, 1.0705799728512793, 0.7642131087071653,
