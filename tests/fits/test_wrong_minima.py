@@ -133,7 +133,6 @@ def test_the_slowest_of_a_million_curves_come_to_rest(geometry, curve):
     assert found.status[0] == "converged"
 
 
-@pytest.mark.study
 def test_a_lane_does_not_creep_where_n_has_no_effect():
     """At n^2 = 1 + k^2, of R near the normal. The end of the circle was shown, 38 of chi2 above."""
     batch, _ = draw(991, 34)
@@ -146,6 +145,7 @@ def test_a_lane_does_not_creep_where_n_has_no_effect():
     assert [found.eta[0], found.k[0]] == pytest.approx([2.409, 2.381], abs=2e-3)
 
 
+@pytest.mark.study
 def test_curves_of_a_batch_start_as_they_would_alone():
     """Gaps leave some with few angles, which take a mesh of their own; so do empty curves."""
     angles = np.linspace(20.0, 80.0, 30)
