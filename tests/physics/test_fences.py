@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import jaxlib.version
 import numpy as np
 import pytest
+from jax import lax
 
 from fresnel_jax._numerics import double_word
 from fresnel_jax._numerics.fences import computed_once, fenced, opaque
@@ -57,14 +58,14 @@ def test_what_several_loops_read_is_computed_in_each():
 
     assert cosines(lambda x: x) == 3
     assert cosines(computed_once) == 1
-    assert cosines(opaque) == (1 if JAXLIB >= (0, 11, 1) else 3)
+    assert cosines(lax.optimization_barrier) == (1 if JAXLIB >= (0, 11, 1) else 3)
     assert OLDEST < (0, 11, 1)
 
 
 def test_constants_are_merged_although_they_round():
     """Without `opaque` (x + 1) - 1 is x for a constant 1: the rounding of x + 1 is gone.
 
-    From 0.12 on it is not. If the last line fails, delete `opaque`.
+    From 0.12 on it is not, and `opaque` does nothing. If the last line fails, delete it.
     """
 
     def rounded_to_one(fence):
