@@ -140,6 +140,8 @@ def _along_the_valley(
 
     low, high = fit.limits
     inside = fit.u.free & (y > low) & (y < high)
+    if not inside.any():
+        return y, s
     seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
