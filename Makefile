@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo docs notebooks test test-docs quick test-studies lint accuracy accuracy-search jit-study advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study misfit-study nist-study film-study film-coverage free-film-study film-models film-choice bench-maps fuzz matrix gpu clean
+.PHONY: demo docs notebooks test test-slow test-docs quick test-studies lint accuracy accuracy-search jit-study advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study misfit-study nist-study film-study film-coverage free-film-study film-models film-choice bench-maps fuzz matrix gpu clean
 
 demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
@@ -15,8 +15,11 @@ docs: .venv/installed-docs  ## the documentation site in build/site, strictly: a
 notebooks: .venv/installed-test  ## the tutorials as notebooks, in examples/notebooks
 	$(BIN)/python examples/notebooks/make.py
 
-test: .venv/installed-test  ## the tests (several minutes on 2 cores)
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+test: .venv/installed-test  ## the tests (eight minutes on 2 cores)
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not study and not docs"
+
+test-slow: .venv/installed-test  ## those that take seconds each: further samples and programs, faults of processes (five minutes)
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "slow and not study"
 
 test-docs: .venv/installed-test .venv/installed-docs  ## that docs and examples run and print what is shown, and the benchmarks measure what they say
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "docs and not study"

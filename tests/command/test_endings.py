@@ -15,6 +15,8 @@ from fitting.data.measurement import Measurement, MeasurementError
 from tests.command_line import own_cache  # noqa: F401 (a fixture)
 from tests.truth.simulated import GOLD
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

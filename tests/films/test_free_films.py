@@ -9,6 +9,8 @@ from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
 from tests.truth.random_free_films import simulated
 
+pytestmark = pytest.mark.slow
+
 STUDY = pytest.mark.study
 
 

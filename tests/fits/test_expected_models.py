@@ -12,6 +12,8 @@ import pytest
 from fitting import Measurement, fit, read_csv
 from tests.estimates import bounds, sigmas, values
 
+pytestmark = pytest.mark.slow
+
 
 def gold(folder: Path) -> Measurement:
     return read_csv(folder / "au_532nm_sp" / "au_532nm_sp_wide.csv")

@@ -7,6 +7,8 @@ from scipy import stats
 from fitting import Measurement, fit, fit_many, simulate
 from fitting.searching.minima import alternative_chi2
 
+pytestmark = pytest.mark.slow
+
 STUDY = pytest.mark.study
 
 

@@ -10,6 +10,8 @@ from tests.estimates import at_zero, codes, correlation, limits, second, sigmas,
 from tests.truth.simulated import textbook
 from tests.truth.textbook import reflectances
 
+pytestmark = pytest.mark.slow
+
 ANGLES = np.linspace(5.0, 85.0, 16)
 
 

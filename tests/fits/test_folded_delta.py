@@ -10,6 +10,8 @@ import pytest
 
 from fitting import Fit, Measurement, MeasurementError, fit, fit_many, read_csv, simulate
 
+pytestmark = pytest.mark.slow
+
 ANGLES = np.array([60.0, 65.0, 70.0, 75.0])
 SURFACE = {"eta": 2.0, "k": 0.3}
 FILM, TRUTH = "air | cauchy:2 60..150 nm | Si", {"A": 1.45, "B": 0.0036, "film.thickness_nm": 100.0}

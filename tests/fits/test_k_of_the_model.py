@@ -5,6 +5,8 @@ import pytest
 
 from fitting import Measurement, fit, simulate
 
+pytestmark = pytest.mark.slow
+
 WAVELENGTHS = np.linspace(0.4, 0.9, 32)
 TRUTH = {"A": 1.9, "B": 0.01, "thickness_nm": 300.0}
 

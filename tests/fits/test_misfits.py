@@ -11,6 +11,8 @@ from benchmarks.studies.misfit_study import CASES, measured, table, verdict
 from fitting import Measurement, choose, fit, fit_many, read_csv, simulate
 from fitting.outcomes.findings import MISFITS
 
+pytestmark = pytest.mark.slow
+
 # All are padded to 32, as the gold scan is.
 ANGLES, GRAZING = np.linspace(20.0, 84.0, 32), np.linspace(30.0, 87.0, 24)
 

@@ -7,6 +7,8 @@ import pytest
 
 from fitting import Measurement, choose, fit, fit_many, simulate
 
+pytestmark = pytest.mark.slow
+
 ANGLES = np.linspace(10.0, 80.0, 8)
 WAVES = [0.5, 0.6, 0.7]
 

@@ -9,6 +9,8 @@ import pytest
 from fitting import Measurement, fit, simulate
 from tests.estimates import codes, sigmas, values
 
+pytestmark = pytest.mark.slow
+
 WAVELENGTHS = np.linspace(0.4, 0.8, 18)  # more than one group of lanes
 ETA = 1.52 + 0.004 / WAVELENGTHS**2
 PLATE = "air | free 2 mm thick | air"

@@ -17,6 +17,8 @@ from tests.estimates import intervals
 from tests.truth.reading import columns_of
 from tests.truth.textbook import reflectances
 
+pytestmark = pytest.mark.slow
+
 WAVELENGTHS = np.linspace(0.4, 0.8, 9)
 HEAD = "angle_deg,wavelength_um,psi,delta"
 

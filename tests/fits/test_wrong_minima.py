@@ -6,6 +6,8 @@ import pytest
 from fitting import fit_many
 from tests.truth.random_measurements import draw, draw_batch, draw_geometry, textbook
 
+pytestmark = pytest.mark.slow
+
 STUDY = pytest.mark.study
 
 

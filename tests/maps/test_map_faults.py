@@ -11,6 +11,8 @@ import pytest
 
 from tests.maps import cubes
 
+pytestmark = pytest.mark.slow
+
 for name in ("xarray", "zarr", "distributed"):
     pytest.importorskip(name, reason="the extra maps is not installed")
 KILLS = 20

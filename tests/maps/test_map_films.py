@@ -9,7 +9,7 @@ from fitting.maps.map_store import BITS, ORDER, STATUS
 
 xarray = pytest.importorskip("xarray", reason="the extra maps is not installed")
 pytest.importorskip("zarr", reason="the extra maps is not installed")
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 WAVELENGTH_UM = np.linspace(0.45, 0.8, 30)
 SIGMA = 0.003
 

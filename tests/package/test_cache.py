@@ -10,6 +10,8 @@ import pytest
 from fitting.process.start_up import cache_folder
 from tests.truth.simulated import GOLD
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

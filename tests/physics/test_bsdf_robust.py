@@ -12,6 +12,8 @@ from jaxtyping import ArrayLike
 from fresnel_jax import bsdf
 from fresnel_jax.bsdf import Dielectric, Lobes, TrowbridgeReitz
 
+pytestmark = pytest.mark.slow
+
 
 def direction(z, phi: ArrayLike = 0.4):
     z, phi = np.broadcast_arrays(np.asarray(z, float), phi)

@@ -12,6 +12,8 @@ from jaxtyping import ArrayLike
 from fresnel_jax import bsdf
 from fresnel_jax.bsdf import Dielectric, Lobes, TransportMode, TrowbridgeReitz
 
+pytestmark = pytest.mark.slow
+
 REFERENCE = pathlib.Path(__file__).parents[1] / "truth" / "reference"
 MODES = list(TransportMode)
 METALS = {"Au": (0.43, 2.455), "Fe": (2.87, 3.36)}

@@ -10,6 +10,8 @@ import pytest
 
 from fresnel_jax.dispersion import CodyLorentz
 
+pytestmark = pytest.mark.slow
+
 # E, A, E_0, C, gap, E_p, E_t, E_u
 ROWS = [
     (3.0, 75.0, 3.8, 2.4, 1.6, 1.0, 1.8, 0.05), (1.79999, 75.0, 3.8, 2.4, 1.6, 1.0, 1.8, 0.05),

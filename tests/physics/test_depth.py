@@ -9,6 +9,8 @@ import pytest
 
 from fresnel_jax.layers import Uniaxial, fields_at_depth, stack
 
+pytestmark = pytest.mark.slow
+
 COSINE, WAVELENGTH = np.cos(np.radians(55.0)), 0.6
 INDEX = np.array([1.0, 1.5 + 0.05j, 0.2 + 3.3j, 2.1, 1.52 + 0.001j])
 THICKNESS = np.array([0.13, 0.03, 0.2])

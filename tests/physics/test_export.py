@@ -13,6 +13,8 @@ from fresnel_jax.dispersion import material
 from fresnel_jax.layers import slab, stack
 from fresnel_jax.polarization import phases, psi_delta
 
+pytestmark = pytest.mark.slow
+
 GOLD = material("gold").model
 UP = jnp.array([0.0, 0.0, 1.0])
 

@@ -16,6 +16,8 @@ from fresnel_jax.layers import stack
 from tests.physics.stacks import MANY, stack_of_many
 from tests.truth import stack_oracle
 
+pytestmark = pytest.mark.slow
+
 DTYPES = [np.float32, np.float64]
 # Places where float32 failed.
 FLOAT32_FIRST = pytest.mark.parametrize(

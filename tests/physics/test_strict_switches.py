@@ -21,6 +21,8 @@ from fresnel_jax.dispersion import DispersionModel
 from fresnel_jax.performance import jax_has_begun, keep_memory
 from tests.physics.public_calls import CALLS, N, cast
 
+pytestmark = pytest.mark.slow
+
 
 def total(tree, dtype):
     """The sum of all real and imaginary parts."""

@@ -9,6 +9,8 @@ import pytest
 from fresnel_jax import bsdf, directions, dispersion, microfacet, polarization
 from fresnel_jax.layers import slab
 
+pytestmark = pytest.mark.slow
+
 N = 12
 
 

@@ -11,6 +11,8 @@ import pytest
 from fresnel_jax.layers import Uniaxial, stack
 from tests.truth import stack_oracle
 
+pytestmark = pytest.mark.slow
+
 both_tiers = pytest.mark.parametrize(
     "exact", [False, pytest.param(True, marks=pytest.mark.study)], ids=["fast", "exact"]
 )

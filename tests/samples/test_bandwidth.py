@@ -5,6 +5,8 @@ import pytest
 
 from fitting import Measurement, fit, fit_many, simulate
 
+pytestmark = pytest.mark.slow
+
 FILM = "air | cauchy:2 8000 nm | Si"
 TRUTH = {"A": 1.46, "B": 0.0035, "thickness_nm": 8000.0}
 NM = np.linspace(600.0, 640.0, 64)
