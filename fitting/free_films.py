@@ -316,11 +316,19 @@ def fit_free_film(
         interval_kind=NONE if wide else QUADRATIC, status=SHARED,
     )  # fmt: skip
     findings, everywhere = found.findings, np.ones(found.shape, bool)
+    text, film = str(sample), str(sample.media[which])
     if wide:
-        findings = (Finding("shared_not_seen", everywhere, {"parameter": label}), *findings)
+        held = f"{FREE} {best:.4g} nm held"
+        values = {"parameter": label, "held": text.replace(film, held),
+                  "formula": str(sample.with_model("cauchy-urbach", FREE))}  # fmt: skip
+        findings = (Finding("shared_not_seen", everywhere, values), *findings)
     elif several := _others(p):
         others, rises = zip(*several, strict=True)
-        values = {"parameter": label, "values": others, "delta_chi2": rises}
+        other = others[np.argmin(rises)]
+        half = 0.4 * abs(other - best)
+        around = f"{FREE} {max(other - half, ends[0]):.4g}..{other + half:.4g} nm"
+        values = {"parameter": label, "values": others, "delta_chi2": rises,
+                  "other": text.replace(film, around)}  # fmt: skip
         findings = (Finding("other_thickness", everywhere, values), *findings)
     return replace(
         found, sample=sample, parameters=parameters, findings=findings,

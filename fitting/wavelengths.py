@@ -179,7 +179,7 @@ def _with_rows(waves: Wavelengths, found: FitData, measurement: Measurement) -> 
         part = m.where(rows)
         own.append(each[i]._replace(measured_um=np.atleast_1d(wavelength), rows=part))
         shown_part = fitted[rows], seen.curve[rows], seen.stated
-        on = on_rows(u, part, *shown_part, state == CONVERGED, alone=False)
+        on = on_rows(u, part, *shown_part, state == CONVERGED)
         known = {f.code for f in found.findings if f.at[i]}
         told.append([] if state == NOT_CONVERGED or known & {*OPEN} else list(on))
     return replace(

@@ -180,6 +180,7 @@ def _near(taken: Candidate, everyone: Sequence[Candidate]) -> list[Warning]:
     values = {
         "taken": taken.label, "others": tuple(c.label for c in near), "margin": MARGIN,
         "fewest": fewest, "as_large": len(as_large),
+        "other": next((str(c.fit.sample) for c in near if c.key == Key(c.key.model)), ""),
     }  # fmt: skip
     return [Warning("choice_alike", {}, values)]
 

@@ -47,14 +47,14 @@ def notes_on(found: FitData) -> tuple[tuple[Warning, ...], tuple[Finding, ...]]:
     off = (missed > MISSED) | ((dof == 0) & (chi2 > MISSED_CHI2))
     # With a misfit, k at its lower end would continue below 0.
     stuck = (np.asarray(found.k) == 0.0) & off
-    out = [Warning("pseudo_index")]
+    out = [Warning("pseudo_index", {}, {"missed": bool(off.any())})]
     for hit, cause in ((stuck, "k_negative"), (off & ~stuck, "film")):
         if hit.any():
             at = wavelengths[hit]
             out.append(Warning("pseudo_index_misfit", {}, {
                 "cause": cause, "count": int(hit.sum()), "of": len(hit),
                 "range_um": (float(at.min()), float(at.max())),
-                "misfit": float(missed[hit].max()),
+                "misfit": float(missed[hit].max()), "delta": "delta" in m.quantity,
             }))  # fmt: skip
     told = {f.code: np.atleast_1d(f.at) for f in found.findings}
     new = off & ~told.get("does_not_describe", np.zeros(len(off), bool))

@@ -11,6 +11,7 @@ import numpy as np
 from fitting.data.measurement import Measurement
 from fitting.data.quantities import REFLECTED, are_powers
 from fitting.optics.instrument import INSTRUMENT
+from fitting.optics.spec import NCS
 from fitting.outcomes.doubtful_index import implausible_indices
 from fitting.problem.evaluation import at_data
 from fitting.problem.problem import Problem
@@ -34,7 +35,7 @@ from fitting.results.result_parts import (
 from fitting.results.sentences import SENTENCES
 from fitting.samples.dispersion import CAUCHY_NAMES, Model
 from fitting.samples.known_media import Mixture
-from fitting.samples.sample import Sample
+from fitting.samples.sample import FREE, Sample
 from fitting.uncertainty.covariance import End
 from fitting.uncertainty.intervals import OFF
 
@@ -51,6 +52,7 @@ FEW_REACHED = 3
 # A fit lies between its prior and what the data alone give: by chance it is farther from the prior
 # than so many of its standard errors in less than one of 10,000 fits.
 PRIOR_ERRORS = 4.0
+# A value of 0 within its error is usual of these, so that a large relative error is no news.
 _MAY_VANISH = (*(set(INSTRUMENT) - {"scale"}), *"BCDEF")  # and the higher terms of Cauchy's index
 
 
@@ -60,6 +62,8 @@ MISFITS = "does_not_describe", "candidates_do_not_describe", "explained_by", "al
 # differences show: the variance of these is 1 - 4 rho / 3 + rho^2 / 3 of theirs.
 _TWICE_THE_NOISE = 0.68
 
+# Without these a fit is one of a simpler sample or instrument.
+_MAY_BE_0 = "k", "leak", "divergence", "bandwidth"
 _ENDS = {AT_LOWER: "lower", AT_UPPER: "upper"}
 
 
@@ -83,18 +87,52 @@ def _bare(name: str) -> str:
     return name.partition("[")[0].rpartition(".")[2]
 
 
-def may_vanish(name: str) -> bool:
-    """Whether a value of 0 within its error is usual, so that a large relative error is no news."""
-    return _bare(name) in _MAY_VANISH
-
-
 def is_outer(name: str) -> bool:
     """Whether a parameter is not one of a material: of the instrument, or a thickness."""
     return _bare(name) in INSTRUMENT or _bare(name).startswith("thickness")
 
 
+def with_formula(sample: Sample | None, absorbs: bool) -> str:
+    """Return the text of a sample of whose formulas all absorb, or none; "" if that is so."""
+    out = sample
+    for index in {m.index for m in sample.media} if sample else ():
+        if out and isinstance(index, Model) and index.absorbs != absorbs:
+            out = out.with_model("cauchy-urbach" if absorbs else "cauchy", index)
+    return "" if out == sample else str(out)
+
+
+def other_formulas(sample: Sample | None) -> dict[str, str]:
+    """Return the samples that show what is the model's alone: with a free index, without a k."""
+    bare = sample if sample and sample.bare and not sample.by_wavelength else None
+    free = f"{bare.media[0]} | {FREE}" if bare else ""
+    return {"free": free, "clear": with_formula(sample, absorbs=False)}
+
+
+def _held(found: FitData, names: Any) -> tuple[str, float] | None:
+    """Return the last of these that may be fixed, and its value; None of a batch."""
+    for name in () if found.shape or found.sample is None else reversed(names):
+        value = found.parameters[name].value
+        if np.isfinite(value) and _bare(name) not in INSTRUMENT:  # which was freed as unknown
+            return name, float(value)
+    return None
+
+
+def _beyond(found: FitData, name: str, end: str) -> str:
+    """Return a range twice as long, beyond the end that was reached; "" where none may be set."""
+    u: Unknowns | None = getattr(found.evaluator, "unknowns", None)
+    if u is None:  # of a batch, or of the caller's own residuals
+        return ""
+    w = next(w for w in u.moving if u.labels.get(w.parameter.name) == name)
+    p, length = w.parameter, w.high - w.low
+    least, most = (0.0, np.inf) if "thickness" in name else (p.low, p.high)
+    low = max(w.low - length, least) if end == "lower" else w.low
+    high = min(w.high + length, most) if end == "upper" else w.high
+    ends = (f"{x:.6g}" if np.isfinite(x) else "" for x in (low, high))
+    return "" if (low, high) == (w.low, w.high) else "..".join(ends)
+
+
 def _correlated(
-    names: tuple[str, ...], correlation: np.ndarray, ok: np.ndarray
+    found: FitData, names: tuple[str, ...], ok: np.ndarray
 ) -> Iterator[tuple[Any, ...]]:
     """Yield the code, where (S), and values of correlated pairs, the most correlated first."""
     pairs = [(i, j) for i in range(len(names)) for j in range(i)]
@@ -102,7 +140,7 @@ def _correlated(
         return
     seconds, firsts = (np.array([names[pair[n]] for pair in pairs], object) for n in (0, 1))
     outer = [is_outer(a) or is_outer(b) for a, b in zip(seconds, firsts, strict=True)]
-    c = np.stack([correlation[..., i, j] for i, j in pairs], -1)
+    c = np.stack([found.correlation[..., i, j] for i, j in pairs], -1)
     at = ok[..., None] & (np.abs(c) > np.where(outer, CORRELATED, CORRELATED_WITHIN))
     order = np.argsort(-np.abs(np.nan_to_num(c)), -1, kind="stable")
 
@@ -110,7 +148,9 @@ def _correlated(
         whole = np.broadcast_to(values, c.shape)
         return those(*(np.take_along_axis(a, order, -1) for a in (whole, at)))
 
-    values = {"first": listed(firsts), "second": listed(seconds), "correlation": listed(c)}
+    first, second = listed(firsts), listed(seconds)
+    hold = _held(found, (*first[:1], *second[:1]))
+    values = {"first": first, "second": second, "correlation": listed(c), "hold": hold}
     yield "correlated", at.any(-1), values
 
 
@@ -145,27 +185,16 @@ def not_quadratic(known: Mapping[str, Estimate], plain: np.ndarray) -> list[Find
 
     plain: the quadratic intervals (..., P, 2), in the shape of the fits.
     """
-    names, shape = np.array(list(known)), plain.shape[:-2]
     kind, sigma, ends = (
-        np.stack([getattr(e, name) for e in known.values()], len(shape)).reshape(-1, *size)
-        for name, size in (("interval_kind", plain.shape[-2:-1]), ("sigma", plain.shape[-2:-1]),
-                           ("interval", plain.shape[-2:]))
-    )  # fmt: skip
-    plain = plain.reshape(ends.shape)
+        np.stack([getattr(e, name) for e in known.values()], plain.ndim - 2)
+        for name in ("interval_kind", "sigma", "interval")
+    )
     bent = (kind == PROFILE) & np.isfinite(sigma)
     bent &= np.abs(ends - plain).max(-1) > OFF * 0.5 * np.ptp(ends, axis=-1)
     if not bent.any():
         return []
-    own = {"parameters": names, "intervals": ends, "by_sigma": plain}
-    values = dict[str, Any]()
-    for name, of in own.items():
-        values[name] = np.empty(len(bent), object)
-        for i in np.flatnonzero(bent.any(1)):
-            values[name][i] = (of if of is names else of[i])[bent[i]].tolist()
-    return [Finding(
-        "not_quadratic", bent.any(1).reshape(shape),
-        {n: v.reshape(shape) if shape else v[0] for n, v in values.items()},
-    )]  # fmt: skip
+    own = {"parameters": list(known), "intervals": ends, "by_sigma": plain}
+    return [Finding("not_quadratic", bent.any(-1), {n: those(v, bent) for n, v in own.items()})]
 
 
 def _a_k_is_free(u: Unknowns) -> bool:
@@ -219,6 +248,7 @@ def with_headline(found: FitData) -> FitData:
         new = f.at & far & ~missed
         if np.any(new):
             values = {"rms": found.rms, "sample": _what(found.sample), "noise": np.nan}
+            values["absorbing"] = with_formula(found.sample, absorbs=True)
             told.append(Finding("does_not_describe", new, values))
             missed = missed | new
     status = np.where(missed & np.equal(found.status, CONVERGED), MISFIT, found.status)
@@ -228,22 +258,22 @@ def with_headline(found: FitData) -> FitData:
 
 def on_rows(
     u: Unknowns, m: Measurement, fitted: np.ndarray, curve: np.ndarray, stated: bool,
-    determined: bool, alone: bool = True,
+    determined: bool, sample: Sample | None = None,
 ) -> Iterator[Finding]:  # fmt: skip
     """Yield what the data and their residuals tell of a fit.
 
-    fitted, curve: (N,) the model at each datum, and its curve. determined: by the data. alone:
-    whether it is not one of many wavelengths, for which the instrument cannot be fitted.
+    fitted, curve: (N,) the model at each datum, and its curve. determined: by the data. sample:
+    None for one of many wavelengths, for which the instrument cannot be fitted.
     """
     if _by_the_model_alone(u, m, determined):
-        yield _finding("by_the_model_alone")
+        yield _finding("by_the_model_alone", **other_formulas(sample))
     order = pattern(m, fitted, curve, stated)
     if order is not None:
         free = (u.labels.get(n, "") for n, w in zip(u.spec.moving, u.moving, strict=True) if w.free)
         yield _finding(
             "residuals_in_order", along=order.along, correlation=order.correlation,
             chance=order.chance, powers=bool(are_powers(m.quantity).all()),
-            as_it_is=alone and not any(_bare(name) in INSTRUMENT for name in free),
+            as_it_is=sample is not None and not any(_bare(name) in INSTRUMENT for name in free),
         )  # fmt: skip
 
 
@@ -253,7 +283,7 @@ def _on_measured(fit: Problem, of: Subject, end: End) -> Iterator[Finding]:
     if m is None:
         return
     yield from on_rows(
-        fit.u, m, at_data(seen, end.slopes.seen), seen.curve, seen.stated, determined
+        fit.u, m, at_data(seen, end.slopes.seen), seen.curve, seen.stated, determined, of.sample
     )  # fmt: skip
     if determined:
         for code, values in implausible_indices(fit, end, np.unique(m.wavelength_um)).items():
@@ -296,12 +326,11 @@ def _contradicted_priors(fit: Problem, known: Mapping[str, Estimate]) -> list[Fi
 
 
 def _on_parameters(
-    known: Mapping[str, Estimate], ok: np.ndarray, covered: str
+    found: FitData, known: Mapping[str, Estimate], ok: np.ndarray
 ) -> Iterator[tuple[Any, ...]]:
-    """Yield code, where (S), and values of what fits ``ok`` (S) are told of their parameters.
-
-    covered: the one whose possible values at 0 are in the errors of the others.
-    """
+    """Yield code, where (S), and values of what fits ``ok`` (S) are told of their parameters."""
+    # whose possible values at 0 are in the errors of the others
+    covered = "k" if found.sample is not None and found.sample.by_wavelength else ""
     names = tuple(known)
     value, sigma, limit, state, kind, interval = (
         np.stack([np.asarray(getattr(e, part)) for e in known.values()], ok.ndim)
@@ -318,31 +347,27 @@ def _on_parameters(
             "others": those(
                 names, bound[..., None] & others & np.isfinite(sigma) & (name != covered)
             ),
-            "profile": profile[..., others].any(-1), "alone": not ok.ndim,
+            "profile": profile[..., others].any(-1),
+            "may_be_0": _bare(name) in _MAY_BE_0 and not ok.ndim,
         }  # fmt: skip
         near_zero = ok & limited[..., i]
         yield "compatible_with_zero", near_zero, {**values, "limit": known[name].upper_limit}
         for there, end in _ENDS.items():
             at = ok & ~near_zero & (state[..., i] == there)
-            yield "at_bound", at, {**values, "end": end}
+            beyond = _beyond(found, name, end) if at.any() else ""
+            yield "at_bound", at, {**values, "end": end, "beyond": beyond}
     bent = of & np.isnan(sigma) & (state == FITTED) & profile & ~limited
     yield "no_slope", bent.any(-1), {"parameters": those(names, bent)}
     unlimited = of & np.isinf(interval).any(-1)
-    yield "open_interval", unlimited.any(-1), {"parameters": those(names, unlimited)}
+    open_ = those(names, unlimited)
+    yield "open_interval", unlimited.any(-1), {"parameters": open_, "hold": _held(found, open_)}
     # the standard error, or a quarter of an interval by profile if that is less
     error = np.where(profile, np.fmin(sigma, 0.25 * np.ptp(interval, axis=-1)), sigma)
     share = error / np.abs(value)
-    vague = of & (share > VAGUE) & ~limited & [not may_vanish(n) for n in names]
+    vague = of & (share > VAGUE) & ~limited & [_bare(n) not in _MAY_VANISH for n in names]
     values = {"parameters": those(names, vague), "shares": those(share, vague)}
-    yield "poorly_determined", vague.any(-1), values
-
-
-def _held(known: Mapping[str, Estimate], names: Any) -> tuple[str, float] | None:
-    """Return a parameter that may be fixed, and its value; of one fit, where that has one."""
-    e = known.get(names[-1]) if isinstance(names, tuple) else None
-    if e is None or not np.isfinite(e.value):
-        return None
-    return names[-1], float(e.value)
+    hold = _held(found, values["parameters"])
+    yield "poorly_determined", vague.any(-1), {**values, "hold": hold}
 
 
 def _turned(found: FitData) -> Any:
@@ -388,38 +413,42 @@ def findings_of_all(
     m = found.measurement if as_it_is and found.sample is not None else None
     measured = () if m is None else (*found.rms_of, *np.unique(m.quantity).tolist())
     few = ok & (np.asarray(found.n_data) < len(known)) & (status == UNDETERMINED)
+    absorbing = with_formula(found.sample, absorbs=True)
     chi2 = {
         "chi2_reduced": reduced, "factor": np.sqrt(reduced),
         "errors": taken if stated else "scaled", "robust": found.loss != "squares",
-        "no_sample": found.sample is None, "measured": measured,
+        "no_sample": found.sample is None, "measured": measured, "absorbing": absorbing,
     }  # fmt: skip
     told: list[tuple[Any, ...]] = [
         ("not_converged", failed & np.logical_not(missed), {"more": more}),
-        ("misses_without_freedom", failed & missed, {"n_data": found.n_data, "rms": found.rms}),
+        ("misses_without_freedom", failed & missed, {
+            "n_data": found.n_data, "rms": rms,
+            "errors_small": stated & (rms < OUT_OF_MODEL) & (found.sample is not None),
+        }),
         *(
-            ("not_seen", ok & at, {"parameters": names, "hold": _held(known, names)})
+            ("not_seen", ok & at, {"parameters": names, "hold": _held(found, names)})
             for at, names in unseen
         ),
         ("one_value", few & ~np.any([at for at, _ in unseen], 0), {}),
         ("chi2_large", ok & large, chi2), ("chi2_small", ok & small & stated, chi2),
     ]  # fmt: skip
     if known:
-        covered = "k" if found.sample is not None and found.sample.by_wavelength else ""
-        told += [
-            *_on_parameters(known, ok, covered),
-            *_correlated(tuple(known), found.correlation, ok),
-        ]
+        told += [*_on_parameters(found, known, ok), *_correlated(found, tuple(known), ok)]
     sure = status == CONVERGED
     reached = {"starts": found.starts, "reached": found.reached, "more": more}
     few = (np.asarray(found.starts) > FEW_REACHED) & (np.asarray(found.reached) < FEW_REACHED)
     told += [*_other_minima(found, sure), ("few_starts_agree", sure & few, reached)]
     sample = found.sample
     if sample is not None:
-        far = {"rms": found.rms, "sample": _what(sample), "noise": noise, "measured": measured}
+        far = {"rms": found.rms, "sample": _what(sample), "noise": noise, "measured": measured,
+               "absorbing": absorbing}  # fmt: skip
         told.append(("does_not_describe", ok & ((rms > OUT_OF_MODEL) | np.isfinite(noise)), far))
         told.append(("quadratic_misleads", ok & _turned(found), {}))
     seen = np.any([np.isfinite(e.sigma) for e in known.values()], axis=0)
-    values = {"n_data": found.n_data, "unknowns": len(known), "stated": stated & seen}
+    data = found.measurement
+    given = sample is None or (stated if data is None else np.isfinite(data.sigma).all())
+    values = {"n_data": found.n_data, "unknowns": len(known), "stated": stated & seen,
+              "sigma": not given and (0.05 if NCS in found.rms_of else 0.002)}  # fmt: skip
     told.append(("no_degrees_of_freedom", ok & (dof == 0), values))
     return [Finding(code, at, values) for code, at, values in told if np.any(at)]
 
@@ -447,7 +476,7 @@ def findings(
 
 # What may be tried on one fit and not on one of many, which take one value for all.
 _OF_ONE: dict[str, Any] = {
-    "alone": False, "own": (), "measured": (), "as_it_is": False, "hold": None,
+    "own": (), "measured": (), "as_it_is": False, "hold": None,
 }  # fmt: skip
 
 
@@ -460,14 +489,10 @@ def stacked_findings(fits: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
         for i in range(max(map(len, each))):
             at = np.array([len(own) > i for own in each])
             names = {name for own in each if len(own) > i for name in own[i].values}
-            values: dict[str, Any] = {}
-            for name in sorted(names):
-                if name in _OF_ONE:
-                    values[name] = _OF_ONE[name]
-                    continue
-                column = np.empty(len(fits), dtype=object)
-                for j, own in enumerate(each):
-                    column[j] = own[i].values.get(name) if len(own) > i else None
-                values[name] = column
+            values: dict[str, Any] = {n: x for n, x in _OF_ONE.items() if n in names}
+            for name in sorted(names - values.keys()):
+                values[name] = np.empty(len(fits), dtype=object)
+                for j in np.flatnonzero(at):
+                    values[name][j] = each[j][i].values.get(name)
             out.append(Finding(code, at, values))
     return tuple(out)

@@ -19,6 +19,7 @@ import jax
 import numpy as np
 
 from fitting.outcomes.doubtful_index import CONSTANT, index_at
+from fitting.outcomes.findings import other_formulas
 from fitting.outcomes.outcome import Solutions
 from fitting.problem.curve_lanes import shown_at
 from fitting.problem.problem import Problem
@@ -419,9 +420,10 @@ def marked(found: FitData, v: Verdicts, put: Callable[..., Any]) -> FitData:
 
     hidden = {**dict.fromkeys(_OF_SLOPES, blank), **dict.fromkeys(_OF_DATA, False)}
     new = [
-        Finding(code, put(at, False), {n: put(a) for n, a in v.values[code].items()})
+        Finding(code, put(at, False), {n: put(a) for n, a in v.values[code].items()}
+                | (other_formulas(found.sample) if code == _OF_MODEL else {}))
         for code, at in v.codes.items()
-    ]
+    ]  # fmt: skip
     hidden |= {f.code: f.at for f in new}
     told = [replace(f, at=f.at & np.logical_not(hidden.get(f.code, open_))) for f in found.findings]
     return replace(

@@ -88,8 +88,8 @@ def ranked(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def those(values: Any, at: np.ndarray) -> Any:
-    """Return the values S + (P,) where ``at`` S + (P,) holds: a tuple, or an array S of tuples."""
-    values = np.broadcast_to(np.asarray(values, object), at.shape)
+    """Return the values S + (P, ..) where ``at`` S + (P,) holds: a tuple, or an array S of them."""
+    values = np.broadcast_to(values, at.shape + np.shape(values)[at.ndim :])
     out = np.empty(at.shape[:-1], object)
     out.fill(())
     for i in map(tuple, np.argwhere(at.any(-1))):

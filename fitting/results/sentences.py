@@ -55,14 +55,25 @@ _ADDED = (
 _GLASS: Tries = (("Glass?", "--fix k=0"),)
 _FILM: Tries = (("With a film, for example:", "--sample 'air | cauchy 5..2000 nm | Si'"),)
 _SCALED: Tries = (("", "--errors scaled"),)
+_ONE_FACTOR: Tries = (("With a common factor:", "--errors scaled"),)
+_ERRORS_WRONG = ("Errors wrong?", "--errors equal")
 _LEAK = ("The polarizer may leak:", "--free leak")
 _ANGLES = ("The angles may be off:", "--free angle_offset")
 _SCALE = ("The scale may be off:", "--free scale")
 _FOLDED = ("Delta of a rotating analyzer may be 360 - Delta:", "--delta-range 180")
 
 
-def _more_starts(v: Values) -> Tries:
-    return (("", f"--starts {v['more']}"),) if v["more"] else ()
+def _with(*rows: tuple[str, str, str]) -> Callable[[Values], Tries]:
+    """Return what to try: rows of a value without which it is not, a reason, and options."""
+    return lambda v: tuple(
+        (why.format_map(v), option.format_map(v)) for name, why, option in rows if v.get(name)
+    )
+
+
+_more_starts = _with(("more", "", "--starts {more}"))
+_absorbing = _with(("absorbing", "If it absorbs:", "--sample '{absorbing}'"))
+_to_see_other = _with(("other", "To see the other:", "--sample '{other}'"))
+_if_known = _with(("hold", "If {hold[0]} is known, for example:", "--fix {hold[0]}={hold[1]:.4g}"))
 
 
 def _instrument_errors(v: Values) -> Tries:
@@ -95,13 +106,6 @@ def _to_the_other(v: Values) -> Tries:
     half = 0.4 * abs(other - own)
     low = other - half if other < 0.0 else max(other - half, 0.0)
     return (("To see the other:", f"--bound {name}={low:.4g}..{other + half:.4g}"),)
-
-
-def _left_out(v: Values) -> Tries:
-    """Return how a parameter is left out that is 0 within its error, and may be held at 0."""
-    name = v["parameter"]
-    may = v["alone"] and name.rpartition(".")[2] in ("k", "leak", "divergence", "bandwidth")
-    return (("To leave it out:", f"--fix {name}=0"),) if may else ()
 
 
 def _mirror(v: Values) -> str:
@@ -231,8 +235,7 @@ def _residuals_of_files(v: Values) -> str:
     )
     return apart + (
         f"root mean square of the residuals{unit}: {each}. A file that is missed by far more than "
-        "its noise is not of the same sample, or has a systematic error: fit each by itself "
-        "(--each)."
+        "its noise is not of the same sample, or has a systematic error: fit each by itself."
     )
 
 
@@ -291,7 +294,8 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
     "misses_without_freedom": (
         "the fitted curve misses the data by {rms:.2g} (rms), far beyond their errors, although "
         "{n_data} data leave no degree of freedom: no values of the parameters explain them. "
-        "Correct the data or their errors, measure at more angles, or name another sample.", ()),
+        "Correct the data or their errors, measure at more angles, or name another sample.",
+        _with(("errors_small", *_ERRORS_WRONG))),
     "refused": ("not fitted: {reason}", ()),
     "gain_instead": (
         "{sample} fits as well (BIC {delta_bic:+.1f}) if all measured powers are {scale:.4g} +- "
@@ -299,7 +303,7 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
         "of the calibration. Check it with a reference, or measure psi and Delta.",
         lambda v: (("", f"--sample '{v['sample']}' --free scale"),)),
     "candidates_do_not_describe": (
-        _no_candidate, lambda v: (("Errors wrong?", "--errors equal"),) * ("factor" in v)),
+        _no_candidate, lambda v: (_ERRORS_WRONG,) * ("factor" in v)),
     "range_left": (
         lambda v: listed(_of_rows("{} is {:.4g}, beyond the end {:.3g} of its usual range", v,
                                   "parameters", "values", "ends")) + (
@@ -341,15 +345,18 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
         else f"{listed(v['parameters'])} are not determined separately: the fitted curve stays the "
         "same if they change together. The values shown are one set of many that fit equally well; "
         "fix one of them at its known value, or give it a prior.",
-        lambda v: (("", "--fix {}={:.4g}".format(*v["hold"])),) if v["hold"] else ()),
+        _if_known),
     "shared_not_seen": (
         "{parameter} is not determined: with eta and k free at every wavelength any thickness in "
         "its range fits. Fix it, give the film a dispersion model, or measure at another angle or "
-        "another quantity. The values shown are one set of many that fit equally well.", ()),
+        "another quantity. The values shown are one set of many that fit equally well.",
+        _with(("held", "If it is known, for example:", "--sample '{held}'"),
+              ("formula", "With a dispersion model:", "--sample '{formula}'"))),
     "other_thickness": (
         lambda v: "another thickness fits nearly as well: {}; eta and k then differ, too.".format(
             listed(f"{v['parameter']} {text}" for text in _of_rows(
-                "{:.4g} (chi2 higher by {:.2g})", v, "values", "delta_chi2"))), ()),
+                "{:.4g} (chi2 higher by {:.2g})", v, "values", "delta_chi2"))),
+        _to_see_other),
     "fringes_in_noise": (
         lambda v: ("{parameter} is not determined: chi2 is lowest at {fringed:.4g}, by fringes "
         "that are no larger than those of noise. Without fringes, at {without:.4g}%s, chi2 is "
@@ -367,14 +374,17 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
     "by_the_model_alone": (
         "eta and k are not determined by the data alone: those of no wavelength determine both. "
         "Only the form of the model separates them, also far outside of the measured range; the "
-        "curve may fit well while eta and k are wrong by far more than their errors.", ()),
+        "curve may fit well while eta and k are wrong by far more than their errors.",
+        _with(("free", "What the data say:", "--sample '{free}'"),
+              ("clear", "If nothing absorbs:", "--sample '{clear}'"))),
     "other_minima": (_other_minima, _to_the_other),
     "does_not_describe": (
         lambda v: f"the fitted curve misses the data by {v['rms']:.4g} (rms)" + (
             f", {v['rms'] / v['noise']:.2g} times the noise estimated from neighbouring points "
             f"({v['noise']:.4g})" if v.get("noise", np.nan) > 0.0 else ""
         ) + f": {v['sample']} does not describe them."
-        + " For the cause fit this curve alone (fit)." * v.get("alone", False), _instrument_errors),
+        + " For the cause fit this curve alone (fit)." * v.get("alone", False),
+        lambda v: (*_instrument_errors(v), *_absorbing(v))),
     "explained_by": (_explained_by, _with_explanation),
     "residuals_in_order": (
         lambda v: "the residuals are autocorrelated along the {along} (lag-1 correlation "
@@ -400,21 +410,22 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
             "small.",
         }[v["errors"]],
         lambda v: () if v["no_sample"]
-        else (("Errors wrong?", "--errors equal"), *_instrument_errors(v))),
+        else (_ERRORS_WRONG, *_instrument_errors(v), *_absorbing(v))),
     "chi2_doubtful": (
         "reduced chi2 is {chi2_reduced:.4g}, which one right fit in {one_in} has by chance: the "
         "stated errors may be a little too small, or something small of the sample or the "
         "instrument is missing. None of the causes that were tried describes the data clearly "
-        "better.", ()),
+        "better.", (_ERRORS_WRONG,)),
     "compatible_with_zero": (
         lambda v: "{parameter} is compatible with 0 and too small for these data to determine: "
         "{parameter} < {limit:.4g} (95 %)".format_map(v) + f"{_others_hold(v)}."
         + " Where the medium absorbs, a range below 0 (bounds) lets eta rise with the wavelength."
-        * (v["parameter"].rpartition(".")[2] == "B"), _left_out),
+        * (v["parameter"].rpartition(".")[2] == "B"),
+        _with(("may_be_0", "To leave it out:", "--fix {parameter}=0"))),
     "at_bound": (
         lambda v: "{parameter} ended at the {end} end of its range, {value:.4g}: it has no "
         "standard error".format_map(v) + f"{_others_hold(v)}. If values beyond it make sense, "
-        "widen the range (bounds).", ()),
+        "widen the range (bounds).", _with(("beyond", "", "--bound {parameter}={beyond}"))),
     "no_slope": (
         lambda v: f"{listed(v['parameters'])} {'have' if len(v['parameters']) > 1 else 'has'} no "
         "standard error: at these values the fitted curve changes only with the square of a "
@@ -426,15 +437,15 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
         "is not linear in eta and k over their range.", (("", "--intervals auto"),)),
     "open_interval": (
         lambda v: f"the 95 % interval of {listed(v['parameters'])} is unlimited on one side or "
-        "both: the data exclude no value there, however far.", ()),
+        "both: the data exclude no value there, however far.", _if_known),
     "poorly_determined": (
         lambda v: "poorly determined: the standard error is a large part of the value of "
         + listed(f"{name} ({_percent(share)})" for name, share in zip(
-            v["parameters"], v["shares"], strict=True)) + ".", ()),
+            v["parameters"], v["shares"], strict=True)) + ".", _if_known),
     "correlated": (
         lambda v: _first(_of_rows("{} and {} are strongly correlated ({:+.4f})", v, "first",
                                   "second", "correlation"))
-        + ": their combination is known far better than either.", ()),
+        + ": their combination is known far better than either.", _if_known),
     "prior_contradicted": (
         lambda v: "; ".join(
             f"the data contradict the prior of {name}, {mean:.4g} +- {sigma:.4g}: the fit is at "
@@ -451,18 +462,18 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
            "kept": ". Since the residuals are autocorrelated, the errors of the parameters are not "
                    "scaled down"}.get(v["errors"], "") + ".",
         lambda v: _SCALED if v["errors"] == "stated" else ()),
-    "errors_floor": (_ADDED % "{added:.2g}, common to all data and added", ()),
-    "errors_relative": (_ADDED % "{added:.2%} of each fitted value, added", ()),
+    "errors_floor": (_ADDED % "{added:.2g}, common to all data and added", _ONE_FACTOR),
+    "errors_relative": (_ADDED % "{added:.2%} of each fitted value, added", _ONE_FACTOR),
     "errors_differ": (
         lambda v: "the stated errors are too small, and how they are corrected changes the result "
         "by more than its standard errors: " + "; ".join(_of_rows(
             "{} is {:.4g} with a further error added in squares, {:.4g} with a common factor", v,
             "parameters", "added", "factor")) + ".",
-        (("With a common factor:", "--errors scaled"),)),
+        _ONE_FACTOR),
     "errors_cover": (
         lambda v: "the stated errors are too small, and error models (scaled, floor, relative, "
         f"equal) differ by more than their errors: the intervals of {listed(v['parameters'])} "
-        "cover those of all of them.", ()),
+        "cover those of all of them.", _ONE_FACTOR),
     "errors_of_each": (
         lambda v: "no errors are stated, and the scatter differs between the quantities, so that "
         "each is weighted by its own (from neighbouring residuals): "
@@ -471,12 +482,13 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
     "flat_curve": (
         "all data are one kind of reflectance below {below_deg:.0f} degrees, where the curve is "
         "nearly flat: eta and k follow from its small slope, and a small systematic error changes "
-        "both.", ()),
+        "both.", _GLASS),
     "implausible_offset": (
         "an angle offset of {value:.4g} degrees is larger than that of an instrument: it probably "
         "compensates for another error of the model or the data.",
         (("In place of --free angle_offset:", "--fix angle_offset=0"),)),
-    "no_degrees_of_freedom": (_no_freedom, ()),
+    "no_degrees_of_freedom": (
+        _no_freedom, _with(("sigma", "If you know them, for example:", "--sigma {sigma}"))),
     "sigma_missing": (
         "sigma is missing for {missing} of {of} data: all have equal weights, and the errors come "
         "from the scatter.", (("If you know them, for example:", "--sigma 0.002"),)),
@@ -484,10 +496,10 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
         "eta and k are the pseudo-index <n>, <k>: that of one bare, smooth boundary, which is "
         "assumed. A film, an oxide or roughness changes it without a sign of that in the fit (2 "
         "nm on a clear crystal look like a k of .03); then it is not the index of a material.",
-        _FILM),
-    "pseudo_index_misfit": (_pseudo_misfit, ()),
-    "residuals_of_files": (_residuals_of_files, ()),
-    "choice_alike": (_choice_alike, ()),
+        lambda v: () if v.get("missed") else _FILM),
+    "pseudo_index_misfit": (_pseudo_misfit, lambda v: (_FOLDED,) * v["delta"] + _FILM),
+    "residuals_of_files": (_residuals_of_files, (("", "--each"),)),
+    "choice_alike": (_choice_alike, _to_see_other),
     "choice_within_errors": (
         'the residuals of "{taken}" are autocorrelated, but smaller than the stated errors '
         "(reduced chi2 {chi2_reduced:.2g}): the data do not ask for a model of more parameters. "
@@ -500,12 +512,14 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
 def keywords(option: str) -> str:
     """Return the arguments that options stand for: ``--fix k=0`` is ``fixed={"k": 0}``.
 
-    They are those of `fit`; sigma and delta_range are of `read_csv`.
+    They are those of `fit`; sigma and delta_range are of `read_csv`, and --each is one call a file.
     """
     out = []
     for text in f" {option}".split(" --")[1:]:
         flag, _, value = text.partition(" ")
-        if flag in ("fix", "bound", "prior"):
+        if flag == "each":
+            out.append("[fit(m) for m in measurements]")
+        elif flag in ("fix", "bound", "prior"):
             name, kind, number = parse_setting(value)
             ends = number if isinstance(number, tuple) else (number,)
             each = [f"{x:.10g}".replace("inf", "float('inf')") for x in ends]

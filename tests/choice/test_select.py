@@ -157,7 +157,7 @@ def test_what_is_said_of_models_that_fit_alike():
     one = Candidate(Key("cauchy:2", ("scale",)), outcome(2, 0.0))
 
     def said(everyone):
-        return [reason.text for reason in candidates._near(one, everyone)]
+        return [reason.sentence for reason in candidates._near(one, everyone)]
 
     larger, as_large = candidate("cauchy:3", 3, -2.0), candidate("sellmeier:1", 2, 1.0)
     (text,) = said([larger, one])
@@ -165,6 +165,8 @@ def test_what_is_said_of_models_that_fit_alike():
         'the data do not distinguish "cauchy:2, scale" from "cauchy:3" (BIC differs'
     )
     assert text.endswith("since it has the fewest parameters.")
+    (reason,) = candidates._near(one, [larger, one])
+    assert reason.tries == (("To see the other:", f"--sample '{larger.fit.sample}'"),)
     (text,) = said([larger, one, as_large])
     assert '"cauchy:3" and "sellmeier:1" (BIC' in text
     assert text.endswith("has the fewest parameters and, of the 2 with as few, the lowest BIC.")

@@ -7,17 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fitting import Measurement, fit, read_csv
+from fitting import Measurement, fit, read_csv, simulate
 from fitting.command import cli
+from fitting.outcomes.findings import with_formula
 from fitting.residuals.error_model import UNLIKELY, beyond_chance
 from fitting.results.diagnostics import Warning
 from fitting.results.sentences import SENTENCES, keywords
+from fitting.samples.sample import Sample
 from tests.truth.simulated import simulated, textbook
 
 ANGLES = tuple(np.linspace(20.0, 80.0, 20))
 GLASS = simulated(1.5, 0.0, 1e-3, angles=ANGLES, seed=3)
 METAL = simulated(0.4, 2.6, 1e-3, angles=ANGLES, seed=3)
-FILM = "air | constant 60..400 nm | 3.9"
+FILM, FREE_FILM = "air | constant 60..400 nm | 3.9", "air | free 50..150 nm | 3.9"
 
 
 def over_angle(angle, quantity: Any = "R", value=None, sigma: Any = 1e-3):
@@ -61,8 +63,25 @@ def too_good():
     return replace(true, sigma=np.full(len(true), 1e-3))
 
 
+def p_above_s():
+    """No boundary reflects more of p than of s."""
+    each = {"R_s": np.array([0.15]), "R_p": np.array([0.18])}
+    return Measurement.from_columns(60.0, 0.6, sigma=1e-3, **each)
+
+
+def along_the_normal():
+    wave = np.linspace(0.4, 0.8, 15)
+    return Measurement.from_columns(0.0, wave, R=0.04 + 0.02 * wave, sigma=1e-3)
+
+
+def two_angles():
+    angle, wave = (a.ravel() for a in np.meshgrid([60.0, 70.0], np.linspace(0.5, 0.7, 5)))
+    return Measurement.from_columns(angle, wave, psi=30.0 - 5.0 * wave, delta=120.0 + 40.0 * wave)
+
+
 AT_600_NM = over_angle(ANGLES, ("R_s", "R_p"))
 ONE, SEVERAL = {"sample": "constant"}, {"own": (), "spectrum": True}
+HELD = {"hold": ("eta", 1.5)}
 # What is fitted, and how; and where no small fit has the warning, what stands in its advice.
 CASES = [
     ("not_converged", GLASS, ONE, {"more": 8}),
@@ -120,14 +139,47 @@ CASES = [
     ),
     ("errors_differ", GLASS, ONE, {}),
     ("errors_of_each", GLASS, ONE, {}),
-]
+    ("misses_without_freedom", p_above_s(), {}, None),
+    ("shared_not_seen", two_angles(), {"sample": FREE_FILM}, {
+        "parameter": "thickness_nm", "held": "air | free 90 nm held | 3.9",
+        "formula": "air | cauchy-urbach:2 50..150 nm | 3.9",
+    }),
+    ("other_thickness", two_angles(), {"sample": FREE_FILM}, {
+        "other": "air | free 80..100 nm | 3.9",
+    }),
+    ("by_the_model_alone", along_the_normal(), {"sample": "cauchy-urbach:2"}, None),
+    ("does_not_describe", spectrum(), {"sample": "cauchy:2"}, {"absorbing": "cauchy-urbach:2"}),
+    ("chi2_doubtful", METAL, {}, {}),
+    ("at_bound", GLASS, {**ONE, "bounds": {"eta": (1.4, 1.499)}}, None),
+    ("at_bound", GLASS, {**ONE, "bounds": {"eta": (1.501, 2.0)}}, None),
+    ("open_interval", GLASS, ONE, HELD),
+    ("poorly_determined", GLASS, ONE, HELD),
+    ("correlated", GLASS, ONE, HELD),
+    ("errors_floor", GLASS, ONE, {}),
+    ("errors_relative", GLASS, ONE, {}),
+    ("errors_cover", GLASS, ONE, {}),
+    ("flat_curve", over_angle(np.linspace(5.0, 25.0, 20), sigma=1e-5), {}, None),
+    ("pseudo_index_misfit", ellipses(), {}, {"delta": False}),
+    ("choice_alike", spectrum(), {}, {"other": "constant"}),
+]  # fmt: skip
 
 
+# What says how a result is to be read, and why no option follows from it.
+WITHOUT_ADVICE = {
+    "refused": "the reason in it says which values of the file are none",
+    "perfect_mirror": "no option brings what the data do not have",
+    "no_reflection": "the index is that of the medium outside, as shown",
+    "no_slope": "the intervals hold, as shown",
+    "not_quadratic": "the intervals hold, as shown",
+    "choice_undetermined": "the warnings of the fit that is shown say what to fix",
+}
 # These share the programs of two samples of glass; the others are compiled by the study.
 SHARED = ("not_converged", "few_starts_agree", "better_minimum_met", "one_value", "low_index",
           "chi2_large", "compatible_with_zero", "quadratic_misleads", "chi2_small",
           "choice_within_errors", "other_minima", "errors_differ",
-          "errors_of_each", "candidates_do_not_describe")  # fmt: skip
+          "errors_of_each", "candidates_do_not_describe", "chi2_doubtful", "at_bound",
+          "open_interval", "poorly_determined", "correlated", "errors_floor", "errors_relative",
+          "errors_cover")  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -161,7 +213,9 @@ def test_what_a_warning_says_to_try_can_be_run(code, m, how, values):
 
 def test_every_advice_is_tested():
     advised = {code for code, (_, tries) in SENTENCES.items() if tries}
-    assert {code for code, *_ in CASES} | {"sigma_missing"} == advised
+    of_files = {"sigma_missing", "no_degrees_of_freedom", "residuals_of_files"}
+    assert {code for code, *_ in CASES} | of_files == advised
+    assert SENTENCES.keys() - advised == WITHOUT_ADVICE.keys()
 
 
 def test_missing_errors_can_be_given_as_the_warning_says(tmp_path):
@@ -177,12 +231,70 @@ def test_missing_errors_can_be_given_as_the_warning_says(tmp_path):
     assert cli.main([*map(str, files), "--sigma", "0.002", "--quiet"]) in (0, 1)
 
 
+def test_each_of_several_files_can_be_fitted_as_the_note_says(tmp_path):
+    files = [tmp_path / "s.csv", tmp_path / "p.csv"]
+    files[0].write_text("angle_deg,R_s,R_p\n30,0.0577,0.0252\n50,0.112,0.0033\n60,0.1766,0.0017\n")
+    files[1].write_text("angle_deg,R_s,R_p\n30,0.0677,0.0352\n50,0.122,0.0133\n60,0.1866,0.0117\n")
+    measurements = [*map(read_csv, files)]
+    (note,) = (n for n in fit(measurements).notes if n.code == "residuals_of_files")
+    ((_, option),) = note.tries
+    assert len(eval(keywords(option))) == 2  # as it is copied
+    assert cli.main([*map(str, files), option, "--quiet"]) in (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("quantities", "sigma", "tries"),
+    [
+        (("R_s", "R_p"), None, "--sigma 0.002"),
+        (("R_s", "R_p"), 1e-3, ""),
+        pytest.param(None, None, "--sigma 0.05", marks=pytest.mark.study),
+    ],
+)
+def test_errors_of_data_without_freedom_are_asked_for_in_their_unit(quantities, sigma, tries):
+    if quantities is None:
+        m = Measurement.from_columns(70.0, 0.6, psi=30.0, delta=140.0)
+    else:
+        m = over_angle([60.0], quantities, sigma=sigma)
+    (told,) = (w for w in fit(m).warnings if w.code == "no_degrees_of_freedom")
+    assert [option for _, option in told.tries] == [tries] * bool(tries)
+
+
+@pytest.mark.parametrize(
+    ("sample", "absorbs", "other"),
+    [
+        ("cauchy:2", True, "cauchy-urbach:3"),
+        ("air | sellmeier 50..300 nm | Si", True, "air | cauchy-urbach:3 50..300 nm | Si"),
+        ("air | lorentz 50..300 nm | BK7", False, "air | cauchy:3 50..300 nm | BK7"),
+        ("air | lorentz 50..300 nm | BK7", True, ""),
+        ("1.5 | cauchy", False, ""),
+    ],
+)
+def test_another_formula_is_advised_in_the_same_sample(sample, absorbs, other):
+    assert with_formula(Sample.parse(sample), absorbs) == other
+
+
+@pytest.mark.study
+def test_a_clear_formula_that_misses_absorbing_data_hears_of_an_absorbing_one():
+    waves, angle = np.tile(np.linspace(0.4, 0.8, 21), 2), np.repeat([0.0, 60.0], 21)
+    truth = {"A": 1.5, "B": 0.01, "C": 0.0, "k_edge": 0.6, "urbach_ev": 0.8, "edge_ev": 3.1}
+    R = simulate("cauchy-urbach", truth, angle, waves, "R_s")
+    m = Measurement.from_columns(angle, waves, R_s=R, sigma=1e-3)
+    found = fit(m, "cauchy:2")
+    told = {w.code: w.tries[-1][1] for w in found.warnings if w.tries}
+    assert found.status == "misfit"
+    assert told["does_not_describe"] == "--sample 'cauchy-urbach:3'"
+    described = fit(m, **eval(f"dict({keywords(told['does_not_describe'])})"))
+    assert described.status == "converged" and described.rms < 1e-2 * found.rms
+
+
 def test_a_misfit_of_delta_says_how_to_read_it_folded(tmp_path):
     """Of fewer than 20 wavelengths the reader does not see whether Delta is folded."""
     told = Warning("does_not_describe", {}, {"measured": ("NCS", "delta", "psi")}).advice
     assert '--delta-range 180 (in Python: delta_range="180")' in told
     folded = Warning("does_not_describe", {}, {"measured": ("NCS", "delta_folded")}).advice
     assert "delta" not in folded
+    told = Warning("pseudo_index_misfit", {}, {"delta": True}).advice
+    assert '--delta-range 180 (in Python: delta_range="180")' in told
     file = tmp_path / "scan.csv"
     file.write_text("wavelength_nm,psi,delta\n400,30,170\n500,25,179\n600,20,165\n")
     assert {*read_csv(file, angle_deg=70, delta_range="180").quantity} == {"psi", "delta_folded"}
