@@ -628,7 +628,7 @@ def long_columns(source: Any, options: Options) -> LongColumns:
     lines = read_lines(source, options.encoding, options.sheet)
     table, by = _with_reference(_table_of(lines, options), options.reference)
     layout = choose_columns(table, options)
-    said = evidence(lines.name, table.preamble)
+    said = evidence(lines.name, table.preamble, table.decimal)
     ats = dict.fromkeys(v.role.at for v in layout.values if v.role.at is not None)
     notes = [*table.notes, *(f"angle {at:g} degrees by the column name" for at in ats)]
     for value in [v for v in layout.values if options.columns and v.role.at is None]:

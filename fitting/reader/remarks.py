@@ -57,9 +57,9 @@ _EXPANDED = re.compile(
     r"(?i)(?<![\w.,])(?:1[.,]96|[2-9])\s*[-*x]?\s*(?:sigma|s\.?d\.?|std|stdev|standard)(?![^\W_])"
     r"|(?<![^\W_])(?:coverage|confidence|expanded|konfidenz|vertrauens|erweitert)"
 )
+# By the decimal mark of a file, numbers that may have the other mark before thousands: 1,064 nm.
+_THOUSANDS = {".": re.compile(r"\d,\d{3}(?!\d)"), ",": re.compile(r"\d\.\d{3}(?!\d)")}
 _NUMBERED = re.compile(r"(?i)(?:angle|theta|winkel)[ _=]*[0-9]")
-
-
 _WORD = re.compile(
     r"(?P<number>(?<![^\W_])(?<!\.)(?:(?<=[\s=:(])[-+])?(?:[0-9]+(?:[.,][0-9]+)?|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?)"
     r"|(?P<word>[A-Za-z]+|[^\W_0-9A-Za-z]+)|(?P<sign>[%\u2030])|(?P<digits>[0-9]+)"
@@ -220,8 +220,8 @@ def _heard(words: Words) -> list[tuple[str, float | str | None]]:
     return heard + [("quantity", q) for q in named if len(q) > 1 or q not in words.capitals]
 
 
-def statements(line: int, text: str) -> list[Said]:
-    """Return what one comment, setting or remark says of the whole measurement."""
+def statements(line: int, text: str, decimal: str = ".") -> list[Said]:
+    """Return what one comment, setting or remark of a file with this decimal mark says of it."""
     place = f"line {line}", text.strip()[:80]
     said = [Said("errors", None, *place)] * bool(_EXPANDED.search(spelled(text)))
     for clause in [text] if "{" in text else _CLAUSE.split(text):
@@ -229,18 +229,21 @@ def statements(line: int, text: str) -> list[Said]:
         numbers = tuple(n for n, unit in words.numbers if unit in ("", "deg"))
         numbers = numbers if len(numbers) == 1 else ()  # two may be the range of a scan
         for kind, value in _heard(words):
+            # above 0.1 um it is none: 632,800 nm would be 632.8 um
+            short = kind == "wavelength" and float(value or 1.0) < 0.1
+            value = None if short and _THOUSANDS[decimal].search(clause) else value
             open_angle = kind == "angle" and value is None
             said.append(Said(kind, value, *place, numbers if open_angle else ()))
     return said
 
 
-def evidence(name: str, preamble: list[tuple[int, str]]) -> list[Said]:
+def evidence(name: str, preamble: list[tuple[int, str]], decimal: str = ".") -> list[Said]:
     """Return what the lines beside the numbers and the name of the file, without its end, say.
 
     What the name may say is for people to confirm; no option is taken from it. A word in it that is
     not known is the sample's, and no reason for doubt.
     """
-    found = [one for line, text in preamble for one in statements(line, text)]
+    found = [one for line, text in preamble for one in statements(line, text, decimal)]
     text = re.sub(r"(?<=[^\W_])-(?=[^\W_])", " ", plain(name))
     words = words_of(text)._replace(unknown=False)
     said = words.concepts

@@ -48,7 +48,9 @@ for said, angle in {
     HEARD[f"# {said}\n" + SPECTRUM] = ("angle_deg", angle, "line 1")
 for said in (
     "HeNe laser 632.8 nm", "He-Ne laser 632.8 nm", "HeNe-Laser (632,8 nm)", "laser: HeNe 632.8 nm",
-    "red laser pointer 632.8 nm", "diode laser: 632.8 nm",
+    "red laser pointer 632.8 nm", "diode laser: 632.8 nm", "Kommentar: HeNe 632,8 nm",
+    "helium-neon laser 632.8 nm", "Lichtquelle: Helium-Neon-Laser 632,8 nm",
+    "Laserwellenl\u00e4nge 632,8 nm",
 ):  # fmt: skip
     HEARD[f"# {said}\n" + SCAN] = ("wavelength_um", 632.8 / 1e3, "line 1")
 for said, light in {
@@ -56,6 +58,14 @@ for said, light in {
     "polarisation perpendiculaire": "R_s", "lumi\u00e8re polaris\u00e9e p": "R_p",
 }.items():  # fmt: skip
     HEARD[f"# {said}\n" + SCAN] = ("quantity", light, "line 1")
+
+
+EUROPEAN = "angle;R\n10;0,1\n45;0,2\n80;0,5\n"
+for said, um in {
+    "HeNe 632,8 nm": 632.8 / 1e3, "laser 632.800 nm": 632.8 / 1e3, "laser 1,064 um": 1.064,
+    "laser 13,500 nm": 0.0135,
+}.items():  # fmt: skip
+    HEARD[f"# {said}\n" + EUROPEAN] = ("wavelength_um", um, "line 1")
 
 
 @pytest.mark.parametrize("text", [text for text, heard in HEARD.items() if heard])
@@ -68,6 +78,8 @@ def test_what_a_line_says_is_used_and_that_is_said(tmp_path: Path, text: str) ->
 
 REFUSED = {
     "# a 532 nm laser on a bench\n" + SCAN: ("line 1", "--wavelength-um"),
+    "# laser 1,064 nm\n" + SCAN: ("line 1", "--wavelength-um"),
+    "# laser 1.064 nm\n" + EUROPEAN: ("line 1", "--wavelength-um"),
     "wavelength_nm,R@60,R\n500,.1,.2\n600,.2,.2\n": ("gives an angle", "--angle-deg"),
     "angle,R,R_s,R_p\n10,.2,.1,.3\n45,.2,.1,.3\n": ("their mean", "--columns"),
     "grazing angle (mrad),R\n10,.2\n45,.2\n": (
