@@ -110,7 +110,7 @@ def other_formulas(sample: Sample | None) -> dict[str, str]:
 
 def _held(found: FitData, names: Any) -> tuple[str, float] | None:
     """Return the last of these that may be fixed, and its value; None of a batch."""
-    for name in () if found.shape or found.sample is None else reversed(names):
+    for name in () if found.shape else reversed(names):
         value = found.parameters[name].value
         if np.isfinite(value) and _bare(name) not in INSTRUMENT:  # which was freed as unknown
             return name, float(value)

@@ -302,8 +302,7 @@ SENTENCES: dict[str, tuple[str | Callable[[Values], str], Tries | Callable[[Valu
         "{sigma:.2g} times the true ones: these data do not tell the further layer from an error "
         "of the calibration. Check it with a reference, or measure psi and Delta.",
         lambda v: (("", f"--sample '{v['sample']}' --free scale"),)),
-    "candidates_do_not_describe": (
-        _no_candidate, lambda v: (_ERRORS_WRONG,) * ("factor" in v)),
+    "candidates_do_not_describe": (_no_candidate, _with(("factor", *_ERRORS_WRONG))),
     "range_left": (
         lambda v: listed(_of_rows("{} is {:.4g}, beyond the end {:.3g} of its usual range", v,
                                   "parameters", "values", "ends")) + (
@@ -520,7 +519,8 @@ def keywords(option: str) -> str:
         if flag == "each":
             out.append("[fit(m) for m in measurements]")
         elif flag in ("fix", "bound", "prior"):
-            name, kind, number = parse_setting(value)
+            name, _, value = value.partition("=")  # the caller's own names may be any
+            _, kind, number = parse_setting(f"name={value}")
             ends = number if isinstance(number, tuple) else (number,)
             each = [f"{x:.10g}".replace("inf", "float('inf')") for x in ends]
             value = each[0] if len(each) == 1 else f"({', '.join(each)})"

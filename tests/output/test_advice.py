@@ -328,6 +328,11 @@ def test_numbers_in_warnings_have_the_digits_of_their_intervals():
     assert "wavelength_offset -50, rms 0.07, still no noise" in told and "nan" not in told
 
 
+def test_parameters_of_the_callers_own_may_have_any_name():
+    told = Warning("prior_contradicted", {}, {"priors": {"\u03c4 of fall": (1.0, 0.1, 2.0, 10.0)}})
+    assert 'priors={"\u03c4 of fall": (1, 2)}' in told.advice
+
+
 def test_what_is_fitted_already_is_not_advised():
     angle = np.array(ANGLES)
     R = textbook(angle, np.full(20, "R_s"), 1.5, 0.0) + 0.01 * np.sin(angle / 8.0)
