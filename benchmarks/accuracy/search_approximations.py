@@ -6,9 +6,10 @@ How far an approximation is from the exact reflectance is another question: see 
 import gmpy2
 import numpy as np
 
-from benchmarks.accuracy.search_boundary import BOUNDARY, boundary, unpolarized
+from benchmarks.accuracy.search_boundary import BOUNDARY, boundary
 from benchmarks.accuracy.search_functions import Function, plain_entry
 from fresnel_jax import approximate
+from tests.truth.exact_fresnel import unpolarized
 
 _ONE = gmpy2.mpfr(1)
 _GAUSS = tuple(zip(*np.polynomial.legendre.leggauss(16), strict=True))
@@ -23,10 +24,6 @@ def _schlick_from(c, R_0):
     return R_0 + (1 - R_0) * (1 - c) ** 5
 
 
-def _exact(c, n, k, m):
-    return unpolarized(c, n, k, m)
-
-
 def _schlick(c, n, k, m):
     return [(_schlick_from(c, _normal(n, k, m)), None)]
 
@@ -39,7 +36,7 @@ def _f82_from(c, R_0, R_82):
 
 
 def _f82(c, n, k, m):
-    return _f82_from(c, _normal(n, k, m), _exact(gmpy2.mpfr(1) / 7, n, k, m))
+    return _f82_from(c, _normal(n, k, m), unpolarized(gmpy2.mpfr(1) / 7, n, k, m))
 
 
 def _lazanyi(c, n, k, m):
@@ -47,7 +44,7 @@ def _lazanyi(c, n, k, m):
     for node, weight in _GAUSS:
         x, weight = (1 + gmpy2.mpfr(float(node))) / 2, gmpy2.mpfr(float(weight))
         shape = x * (1 - x) ** 6
-        top += weight * shape * (_schlick_from(x, R_0) - _exact(x, n, k, m))
+        top += weight * shape * (_schlick_from(x, R_0) - unpolarized(x, n, k, m))
         bottom += weight * shape * shape
     return [(_schlick_from(c, R_0) - top / bottom * c * (1 - c) ** 6, _ONE)]
 
@@ -69,7 +66,7 @@ def _polynomial(c, n, k, m):
         basis = _ONE
         for other in nodes:
             basis *= 1 if other is node else (c - other) / (node - other)
-        total += basis * _exact(node, n, k, m)
+        total += basis * unpolarized(node, n, k, m)
     return [(total, _ONE)]
 
 

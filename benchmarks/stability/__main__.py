@@ -8,8 +8,9 @@ run, and the truth is that of the rounded one: nobody is charged for the divisio
 Counted are values off by more than 1e-3 and by more than 1e3 eps of R (of eps^2 where R is less),
 NaN and infinities; of gradients the same, relative to the gradient's norm. Where the true gradient
 is infinite or undefined (the critical angle itself; matched media at grazing) nothing is counted.
-At exactly normal incidence on epsilon near zero dR_s/dcos and dR_p/dcos are up to 1e6 times their
-sum: the average of what `powers` gives, each right to an eps, fails there; `reflectance` does not.
+At exactly normal incidence on epsilon near zero or a huge k dR_s/dcos and dR_p/dcos are up to 1e7
+times their sum: the average of what `powers` gives, each right to an eps, loses these digits;
+`reflectance` does not.
 
 Writes a table, a JSON file and two pictures to docs/stability/.
 """

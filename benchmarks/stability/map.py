@@ -89,7 +89,7 @@ def _panels(page, axes, maps, title):
         )
         if missing.any():
             axis.contourf(missing, levels=[0.5, 1.5], colors=["white"], hatches=["xxxx"])
-        axis.set_title(name, fontsize="medium")
+        axis.set_title(name, fontsize="small")
         axis.grid(False)
         scale = (COLUMNS - 1) / (COSINES[1] - COSINES[0])
         ticks = [np.log10(np.cos(np.radians(x))) * scale for x in ANGLE_TICKS]
