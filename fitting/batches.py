@@ -23,11 +23,10 @@ from fitting.fit_result import Fit
 from fitting.fits import fit_checked
 from fitting.outcomes.of_batch import fit_of_batch
 from fitting.outcomes.outcome import parameters_at
-from fitting.problem.curve_lanes import Curves, shown_at, slopes
+from fitting.problem.curve_lanes import Curves, shown_at
 from fitting.problem.problem import FitOptions, Kept
 from fitting.process.progress import tell
-from fitting.residuals.error_model import ADDED, NEED_STATED, added_kinds, beyond_chance
-from fitting.residuals.noise import scatter_of_each
+from fitting.residuals.error_model import ADDED, NEED_STATED
 from fitting.results.diagnostics import Finding, ranked
 from fitting.results.result import FitData
 from fitting.results.result_parts import REFUSED
@@ -38,7 +37,7 @@ from fitting.searching.batch_search import BatchSearch
 from fitting.searching.minima import SAME_CHI2
 from fitting.searching.surface_mesh import of_bare_surface, search_surface
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
-from fitting.uncertainty.stated_errors import further_errors, of_each, told
+from fitting.uncertainty.stated_errors import Fits, Weighed, with_error_model
 from fitting.wavelengths import problem_of
 
 # Rounds of searches afresh; each begins where the one before found a lower minimum.
@@ -295,69 +294,54 @@ def _result(
 
     known: the wavelengths.
     """
-    curves, errors, cost = search.curves, search.job.asked.errors, search.best.cost
-    names, given, seen = tuple(curves.values), curves.sigma, curves.seen
-    large, _ = beyond_chance(cost / np.maximum(search.dof, 1), search.dof)
-    far = (large if errors == "auto" else search.dof > 0) & np.isfinite(cost)
-    own = given is None and errors == "auto" and len(names) > 1
-    further = given is not None and added_kinds(errors) and far.any()
-    if not {*names} <= {*POWERS} or not (own or further):
+    u, curves, seen = search.job.u, search.curves, search.curves.seen
+    names = tuple(curves.values)
+    if not {*names} <= {*POWERS}:
         return fit_of_batch(search, shape, sample, known=known)
-    values = np.concatenate([curves.values[q] for q in names], 1)
+    value = np.concatenate([curves.values[q] for q in names], 1)
     rows = np.concatenate([seen.row[seen.quantity == q] for q in names])
-    quantity = np.repeat(np.arange(len(names)), len(rows) // len(names))
-    place = np.array([seen.channels.index(q) for q in names])[quantity]
-    stated = np.full(values.shape, np.nan)
-    if given is not None:
-        stated = np.concatenate([given[q] for q in names], 1)
-        stated = np.where(np.isfinite(values), stated, np.inf)
+    curve = np.repeat(np.arange(len(names)), len(rows) // len(names))
+    place = np.array([seen.channels.index(q) for q in names])[curve]
+    stated = None
+    if curves.sigma is not None:
+        stated = np.concatenate([curves.sigma[q] for q in names], 1)
+        stated = np.where(np.isfinite(value), stated, np.inf)
 
-    def with_errors(sigma: np.ndarray, of: np.ndarray) -> BatchSearch:
-        whole = stated.copy()
-        whole[of] = sigma
-        return search.with_errors(dict(zip(names, np.split(whole, len(names), 1), strict=True)), of)
-
-    def model(by: BatchSearch, of: np.ndarray) -> np.ndarray:
-        return shown_at(search.job.u.spec, curves, by.best.y[:, of], of)[:, place, rows]
-
-    def compared(of: np.ndarray, fitted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        off = np.where(np.isfinite(values[of]), values[of] - fitted, 0.0)
+    def compared(of: np.ndarray, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        off = np.where(np.isfinite(value[of]), value[of] - model, 0.0)
         return off, np.ones_like(off)
 
-    if own:
-        some = np.flatnonzero(search.known)
-        at = slopes(search.job.u.spec, curves, search.best.y[:, some], some)
-        angle = curves.of_points("angle_deg", some if "angle_deg" in curves.own else some[:1])
-        off = values[some] - at.shown[:, place, rows]
-        wavelength, sigma = seen.points.wavelength_um[rows, 0], np.full(values.shape, np.nan)
-        sigma[some] = scatter_of_each(angle[:, rows], wavelength, quantity, values[some], off)
-        used = np.flatnonzero(np.isfinite(sigma).any(1) & (2 * search.dof >= curves.n_data))
-        if not len(used):
-            return fit_of_batch(search, shape, sample, known=known, at=at)
-        there, row = with_errors(sigma[used], used), np.searchsorted(some, used)
-        new = slopes(search.job.u.spec, there.curves, there.best.y[:, used], used)
-        for mine, other in zip(at, new, strict=True):
-            mine[row] = other
-        best = fit_of_batch(there, shape, sample, known=known, at=at)
-        noise = sigma[:, :: len(rows) // len(names)].reshape(*shape, len(names))
-        return of_each(best, np.isin(np.arange(len(sigma)), used).reshape(shape), names, noise)
-    fitted = np.zeros_like(values)
-    fitted[far] = model(search, np.flatnonzero(far))
-    taken = further_errors(
-        errors, stated, fitted, far, np.ones(values.shape[1], bool), compared,
-        lambda sigma, of: model(with_errors(sigma, of), of),
-    )  # fmt: skip
-    used = np.flatnonzero(taken.kind != "")
-    if not len(used):
-        return fit_of_batch(search, shape, sample, known=known)
-    there = with_errors(taken.sigma[used], used)
-    best = fit_of_batch(there, shape, sample, known=known)
-    chi2 = np.ravel(best.chi2).astype(float)
-    chi2[used] = ((compared(used, model(there, used))[0] / stated[used]) ** 2).sum(1)
-    u = search.job.u
-    values_before = np.reshape(parameters_at(u, search.best.y.T)[0], (*shape, -1))
-    before = {u.labels[n]: values_before[..., i] for i, n in enumerate(u.spec.moving)}
-    return told(before, best, taken, np.reshape(chi2, shape)[()])
+    def weighed(search: BatchSearch, new: np.ndarray) -> Weighed:
+        def model(of: np.ndarray) -> np.ndarray:
+            return shown_at(u.spec, curves, search.best.y[:, of], of)[:, place, rows]
+
+        def result() -> FitData:
+            best = fit_of_batch(search, shape, sample, known=known)
+            if stated is None or not len(new):
+                return best
+            chi2 = np.ravel(best.chi2).astype(float)
+            chi2[new] = ((compared(new, model(new))[0] / stated[new]) ** 2).sum(1)
+            return replace(best, chi2=np.reshape(chi2, shape)[()])
+
+        return Weighed(model, result)
+
+    def again(sigma: np.ndarray, of: np.ndarray) -> Weighed:
+        whole = np.full(value.shape, np.nan) if stated is None else stated.copy()
+        whole[of] = sigma
+        errors = dict(zip(names, np.split(whole, len(names), 1), strict=True))
+        return weighed(search.with_errors(errors, of), of)
+
+    def values() -> dict[str, Any]:
+        each = zip(u.spec.moving, parameters_at(u, search.best.y.T)[0].T, strict=True)
+        return {u.labels[name]: x.reshape(shape) for name, x in each}
+
+    several = np.arange(curves.count if "angle_deg" in curves.own else 1)
+    return with_error_model(Fits(
+        value=value, sigma=stated, angle_deg=curves.of_points("angle_deg", several)[:, rows],
+        wavelength_um=seen.points.wavelength_um[rows, 0], power=np.ones(len(rows), bool),
+        curve=curve, names=names, chi2=search.best.cost, dof=search.dof, values=values,
+        compared=compared, first=weighed(search, several[:0]), again=again,
+    ), search.job.asked.errors)  # fmt: skip
 
 
 def _to_search(

@@ -40,7 +40,7 @@ from fitting.searching.starts import starts as start_points
 from fitting.searching.starts import usual_starts, with_given_start
 from fitting.uncertainty.intervals import QUADRATIC, check_choices
 from fitting.uncertainty.likelihood import MARGIN
-from fitting.uncertainty.stated_errors import covering, with_added_error
+from fitting.uncertainty.stated_errors import covering, of_measurements, with_error_model
 from fitting.uncertainty.widening import widened
 from fitting.wavelengths import (
     check_wavelengths,
@@ -126,8 +126,9 @@ def fit_checked(
         near = asked._replace(intervals=intervals, near=asked.kept_as)
         return _general(several, sample, settings, near)
 
-    if not settings.priors:
-        found = with_added_error(again, measurements, found, asked.errors, asked.intervals)
+    if not settings.priors and asked.loss == "squares":
+        of = of_measurements(again, measurements, found, asked.intervals)
+        found = with_error_model(of, asked.errors)
     missing, misses = (
         missing_errors(measurements, asked.errors),
         misses_of_files(measurements, found),

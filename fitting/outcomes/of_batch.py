@@ -20,7 +20,7 @@ from fitting.outcomes.outcome import (
     without_errors,
 )
 from fitting.outcomes.surface_verdicts import marked, verdicts_of_batch
-from fitting.problem.curve_lanes import Slopes, measured_rows, shown_at, slopes
+from fitting.problem.curve_lanes import measured_rows, shown_at, slopes
 from fitting.problem.evaluation import Alike, EachFit, Evaluated
 from fitting.problem.solver import NO_NOISE
 from fitting.residuals.noise import noise_of_misfits
@@ -53,14 +53,14 @@ _LEVEL = 2e-4
 
 
 def _at(
-    search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled: Any, at: Slopes | None = None
-) -> tuple[Solutions, Slopes, np.ndarray]:
-    """Return what is known of the curves ``which`` (n,) at y (p, n), and the cost after a step.
+    search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled: Any
+) -> tuple[Solutions, np.ndarray, np.ndarray]:
+    """Return what is known of the curves ``which`` (n,) at y (p, n), `Slopes.together` there.
 
-    at: the derivatives there, if they are known.
+    And the cost after a step, (n,).
     """
     job, curves = search.job, search.curves
-    at = at or slopes(job.u.spec, curves, y, which)
+    at = slopes(job.u.spec, curves, y, which)
     known = uncertainty(
         job.u, at.triangle[..., -1], at.triangle[..., :-1], y.T, search.limits, 1.0,
         search.dof[which], job.asked.scaled, curves.stated[which], curves.squares[which], pooled,
@@ -70,19 +70,20 @@ def _at(
         which, y.T, known, at.cost, curves.squares[which], at.plain, at.counts,
         np.zeros(len(which), int),
     )  # fmt: skip
-    return jax.tree.map(np.array, found), at, at.cost - np.vecdot(fall, fall)  # `put` writes to it
+    # `put` writes to it
+    return jax.tree.map(np.array, found), at.together, at.cost - np.vecdot(fall, fall)
 
 
 def _beside(
-    search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled: Any, at: Slopes | None
+    search: BatchSearch, which: np.ndarray, y: np.ndarray, pooled: Any
 ) -> tuple[Solutions, np.ndarray]:
     """Return the minima of the curves ``which`` (n,) next to the ends y (p, n) of lanes.
 
     And `Slopes.together` there, (n,).
     """
     low, high = (a[:, None] for a in search.limits)
-    out, at, promised = _at(search, which, y, pooled, at)
-    together, go = np.array(at.together), np.arange(len(which))
+    out, together, promised = _at(search, which, y, pooled)
+    together, go = together.copy(), np.arange(len(which))
     for _ in range(_STEPS):
         here = out.of(go)
         step, error = here.known.step, here.known.edge * np.sqrt(here.known.variance)[:, None]
@@ -93,16 +94,16 @@ def _beside(
         go, cost = go[far], here.cost[far]
         if not len(go):
             break
-        there, at, promised = _at(search, which[go], ahead[:, far], pooled)
+        there, new, promised = _at(search, which[go], ahead[:, far], pooled)
         lower = there.cost < cost
         go, promised = go[lower], promised[lower]
         out.put(go, there.of(lower))
-        together[go] = at.together[lower]
+        together[go] = new[lower]
     return out, together
 
 
 def _minima(
-    search: BatchSearch, which: np.ndarray, pooled: float | None, at: Slopes | None
+    search: BatchSearch, which: np.ndarray, pooled: float | None
 ) -> tuple[list[Solutions], np.ndarray, np.ndarray]:
     """Return the best minima of the curves ``which``, others that fit nearly as well; the scatter.
 
@@ -119,7 +120,7 @@ def _minima(
     out, some, y, cost = list[Solutions](), which, best.y[:, which], best.cost[which]
     rounding, same, of_noise = np.zeros_like(scatter), scatter, scatter[which]
     while len(some):
-        m, together = _beside(search, some, y, pooled, None if out else at)
+        m, together = _beside(search, some, y, pooled)
         if not out:
             of_noise = together
             rounding[which] = ROUNDING * m.squares
@@ -218,18 +219,17 @@ def _shared_misfit(search: BatchSearch, m: Solutions) -> float:
 @np.errstate(all="ignore")
 def fit_of_batch(
     search: BatchSearch, shape: tuple[int, ...], sample: Sample, pooled: float | None = None,
-    known: np.ndarray | None = None, at: Slopes | None = None,
+    known: np.ndarray | None = None,
 ) -> FitData:  # fmt: skip
     """Return the result of N curves, of which all lanes have ended.
 
     pooled: the scatter of all curves, where each has too few data to estimate its own. known: the
-    wavelengths, if not those of the points: NaN for none. at: the derivatives at the best ends of
-    the curves with data, if they are known.
+    wavelengths, if not those of the points: NaN for none.
     """
     job, curves, best, u = search.job, search.curves, search.best, search.job.u
     which = np.flatnonzero(search.known)
     put = Shaped(shape, curves.count, which)
-    minima, scatter, together = _minima(search, which, pooled, at)
+    minima, scatter, together = _minima(search, which, pooled)
     m, dof, n_data = minima[0], search.dof[which], curves.n_data[which]
     if known is None:
         known = np.unique(job.seen.points.wavelength_um[job.seen.measured, 0])

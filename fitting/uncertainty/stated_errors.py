@@ -37,6 +37,41 @@ from fitting.uncertainty.intervals import AUTO, QUADRATIC
 Run = Callable[[Sequence[Measurement], str], FitData]
 
 
+class Weighed(NamedTuple):
+    """N fits with certain errors of their data.
+
+    model: of the fits (k,) at their data, (k, n). result: of all, its chi2 with the stated errors.
+    """
+
+    model: Callable[[np.ndarray], np.ndarray]
+    result: Callable[[], FitData]
+
+
+class Fits(NamedTuple):
+    """N fits of n data each, fitted with one factor on their errors; of a single fit N is 1.
+
+    value, sigma: (N, n), NaN and inf where there is no datum; sigma None: no errors are stated.
+    angle_deg: (1, n) or (N, n). wavelength_um, power, curve: (n,), which data are powers, and of
+    which of the ``names`` of quantities each is. chi2, dof: (N,). values: returns the parameters by
+    name. compared: of fits (k,) and their model (k, n) the residuals, and the factors that bring
+    errors to the unit of these. again: the fits, those of numbers (k,) with other errors (k, n).
+    """
+
+    value: np.ndarray
+    sigma: np.ndarray | None
+    angle_deg: np.ndarray
+    wavelength_um: np.ndarray
+    power: np.ndarray
+    curve: np.ndarray
+    names: Sequence[str]
+    chi2: np.ndarray
+    dof: np.ndarray
+    values: Callable[[], Mapping[str, Any]]
+    compared: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+    first: Weighed
+    again: Callable[[np.ndarray, np.ndarray], Weighed]
+
+
 class Taken(NamedTuple):
     """The further errors of N fits with n data each.
 
@@ -51,30 +86,21 @@ class Taken(NamedTuple):
 
 
 @np.errstate(all="ignore")
-def further_errors(
-    errors: str, sigma: np.ndarray, fitted: np.ndarray, far: np.ndarray, power: np.ndarray,
-    compared: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
-    refitted: Callable[[np.ndarray, np.ndarray], np.ndarray],
-) -> Taken:  # fmt: skip
-    """Return the further error of each of the fits ``far`` (N,) that is to have one.
-
-    sigma, fitted: (N, n) stated errors, inf where there is no datum, and the model with one factor
-    on them. power: (n,), which data are powers. compared: of fits (k,) and their model (k, n):
-    residuals, and the factors that bring errors to the unit of these. refitted: of errors (k, n)
-    and fits (k,): the model, fitted with them.
-    """
-    count = len(sigma)
+def _further_errors(errors: str, of: Fits, far: np.ndarray) -> Taken:
+    """Return the further error of each of the fits ``far`` (N,) that is to have one."""
+    count, stated, fits = len(of.value), of.sigma, np.flatnonzero(far)
+    assert stated is not None
     taken = Taken(
         np.full(count, "", f"<U{max(map(len, ADDED))}"), np.zeros(count), np.full(count, -np.inf),
-        sigma.copy(),
+        stated.copy(),
     )  # fmt: skip
+    fitted = of.first.model(fits)
     for kind in added_kinds(errors):
-        live = np.flatnonzero(far)
-        model, s, gain = fitted[live], np.zeros(len(live)), taken.gain[live]
+        live, model, s, gain = fits, fitted, np.zeros(len(fits)), taken.gain[fits]
         least: Any = 0.0
         for left in reversed(range(ROUNDS)):
-            off, unit = compared(live, model)
-            own, size = sigma[live] * unit, sizes(kind, model, power)
+            off, unit = of.compared(live, model)
+            own, size = stated[live] * unit, sizes(kind, model, of.power)
             added = likeliest_added(off, own, size)
             go = np.ones(len(live), bool)
             if left == ROUNDS - 1:
@@ -84,7 +110,7 @@ def further_errors(
             if errors == "auto":  # each round gains less than the one before
                 go &= new + (new - gain) >= GAIN
             # Where Delta has no effect (psi of 0) its error has none.
-            weighed = np.hypot(sigma[live], added.s[:, None] * size / np.maximum(unit, 1e-6))
+            weighed = np.hypot(stated[live], added.s[:, None] * size / np.maximum(unit, 1e-6))
             ended = (left == 0) | (np.abs(added.s - s) <= SETTLED * added.s)
             good = go & ended & (added.s > 0.0) & ((errors != "auto") | (new >= GAIN))
             good &= new > taken.gain[live]
@@ -95,115 +121,108 @@ def further_errors(
             live, s, gain, least = live[go], added.s[go], new[go], least[go]
             if not len(live):
                 break
-            model = refitted(weighed[go], live)
+            model = of.again(weighed[go], live).model(live)
     return taken
 
 
-def _further(
-    kind: str, run: Run, several: Sequence[Measurement], joined: Measurement, fitted: np.ndarray
-) -> Taken:
-    """Return the further error of a single fit: ``fitted`` (n,), with one factor on the errors."""
+def with_error_model(of: Fits, errors: str) -> FitData:
+    """Return fits with a further error if it is asked for, or likelier than one factor.
 
-    def compared(_: np.ndarray, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        off = weighted_residuals(joined, model[0], stated=False)
-        return off[None], arcs(joined, model[0])[None]
-
-    return further_errors(
-        kind, joined.sigma[None], fitted[None], np.ones(1, bool), are_powers(joined.quantity),
-        compared, lambda sigma, _: run(_weighed(several, sigma[0]), QUADRATIC).fitted[None],
-    )  # fmt: skip
-
-
-def _weighed(several: Sequence[Measurement], sigma: np.ndarray) -> list[Measurement]:
-    """Return the measurements with other errors, (N,) of all of them joined."""
-    ends = np.cumsum([len(m) for m in several])[:-1]
-    return [replace(m, sigma=s) for m, s in zip(several, np.split(sigma, ends), strict=True)]
-
-
-def _with_own_scatter(
-    run: Run, several: Sequence[Measurement], found: FitData, intervals: str
-) -> FitData:
-    """Return the fit in which each R and T without stated errors has the scatter of its own.
-
-    With one scatter for both a noisy T hides what a quiet R says. Information criteria stay those
-    of equal weights, by which models are compared.
+    And those of errors that are not stated with the scatter of each quantity, where these differ.
     """
-    joined = concatenate(*several)
-    if found.curve is None or not are_powers(joined.quantity).all():
-        return found
-    if 2 * np.sum(found.dof) < len(joined):  # residuals are far smaller than the noise
-        return found
-    m, off = joined, (joined.value - found.fitted)[None]
-    (sigma,) = scatter_of_each(m.angle_deg, m.wavelength_um, found.curve, m.value, off)
-    if np.isnan(sigma).any():
-        return found
-    best = run(_weighed(several, sigma), intervals)
-    # The errors are not stated ones: nothing is said of how far the residuals are from them.
-    left = [f for f in best.findings if f.code not in ("chi2_large", "chi2_small")]
-    none, every = np.full(best.shape, np.nan)[()], np.ones(best.shape, bool)[()]
-    best = replace(
-        best, measurement=joined, chi2=none, chi2_reduced=none, bic=found.bic, aicc=found.aicc,
-        errors=best.errors._replace(stated=False), findings=tuple(left),
-    )  # fmt: skip
-    noise = np.array([sigma[found.curve == c][0] for c in range(len(found.curve_names))])
-    return of_each(
-        best, every, found.curve_names, np.broadcast_to(noise, (*best.shape, len(noise)))
-    )
+    if of.sigma is None:
+        own = errors == "auto" and len(of.names) > 1 and of.power.all()
+        return _with_own_scatter(of) if own else of.first.result()
+    large, _ = beyond_chance(of.chi2 / np.maximum(of.dof, 1), of.dof)
+    far = (large if errors == "auto" else of.dof > 0) & np.isfinite(of.chi2)
+    if not added_kinds(errors) or not far.any():
+        return of.first.result()
+    taken = _further_errors(errors, of, far)
+    used = np.flatnonzero(taken.kind != "")
+    if not len(used):
+        return of.first.result()
+    return _told(of.values(), of.again(taken.sigma[used], used).result(), taken)
 
 
-def of_each(best: FitData, at: Any, curves: Sequence[str], noise: np.ndarray) -> FitData:
-    """Return fits, and where (S) each quantity has the scatter ``noise``, S + (C,), of its own."""
-    values = {
-        "curves": tuple(curves),
-        "noise": those(noise, np.broadcast_to(at[..., None], noise.shape)),
-    }
+def _with_own_scatter(of: Fits) -> FitData:
+    """Return the fits in which each R and T without stated errors has the scatter of its own.
+
+    With one scatter for both a noisy T hides what a quiet R says.
+    """
+    # Otherwise residuals are far smaller than the noise.
+    some = np.flatnonzero(2 * of.dof >= np.isfinite(of.value).sum(1))
+    angle = of.angle_deg if len(of.angle_deg) == 1 else of.angle_deg[some]
+    off = of.value[some] - of.first.model(some)
+    sigma = scatter_of_each(angle, of.wavelength_um, of.curve, of.value[some], off)
+    differ = np.isfinite(sigma).any(1)
+    some, sigma = some[differ], sigma[differ]
+    if not len(some):
+        return of.first.result()
+    best, count = of.again(sigma, some).result(), len(of.names)
+    noise = np.full((len(of.value), count), np.nan)
+    noise[some] = sigma[:, np.unique(of.curve, return_index=True)[1]]
+    noise = np.resize(noise, (*best.shape, count))
+    own = np.isfinite(noise)
+    at, values = own.any(-1), {"curves": tuple(of.names), "noise": those(noise, own)}
     taken = np.where(at, OF_EACH, best.errors.taken)[()]
     findings = ranked([*best.findings, Finding("errors_of_each", at, values)])
     return replace(best, errors=best.errors._replace(taken=taken), findings=findings)
 
 
-def with_added_error(
-    run: Run, several: Sequence[Measurement], found: FitData, errors: str, intervals: str
-) -> FitData:
-    """Return the fit with a further error if it is asked for, or likelier than one factor.
+@np.errstate(all="ignore")
+def of_measurements(
+    run: Run, several: Sequence[Measurement], found: FitData, intervals: str
+) -> Fits:
+    """Return a single fit of measurements, ``found`` with one factor on the stated errors.
 
-    run: fits measurements again, with this kind of intervals. found: the fit with the stated errors
-    times one factor.
+    run: fits measurements again, with this kind of intervals.
     """
-    dof = int(np.sum(found.dof))
-    if not added_kinds(errors) or found.loss != "squares" or not dof:
-        return found
-    if not found.errors.stated:
-        return _with_own_scatter(run, several, found, intervals) if errors == "auto" else found
-    far, _ = beyond_chance(float(np.nansum(found.chi2)) / dof, dof)  # of all data together
-    if errors == "auto" and not far:
-        return found
-    joined = concatenate(*several)
-    taken = _further(errors, run, several, joined, found.fitted)
-    if not taken.kind[0]:
-        return found
-    best = run(_weighed(several, taken.sigma[0]), intervals)
-    square = weighted_residuals(joined, best.fitted) ** 2
-    which = np.unique(joined.wavelength_um, return_inverse=True)[1]
-    chi2 = np.bincount(which, square, best.shape[0]) if best.shape else float(square.sum())
-    before = {n: e.value for n, e in found.parameters.items()}
-    return replace(told(before, best, taken, chi2), measurement=joined)
+    joined = m = concatenate(*several)
+    ends = np.cumsum([len(m) for m in several])[:-1]
+    which = np.unique(m.wavelength_um, return_inverse=True)[1] if found.shape else [0] * len(m)
+    none = np.full(found.shape, np.nan)[()]
+
+    def again(sigma: np.ndarray, _: Any) -> Weighed:
+        parts = zip(several, np.split(sigma[0], ends), strict=True)
+        weighed = [replace(m, sigma=s) for m, s in parts]
+
+        def result() -> FitData:
+            best = run(weighed, intervals)
+            if found.errors.stated:
+                chi2 = np.bincount(which, weighted_residuals(joined, best.fitted) ** 2)
+                return replace(best, measurement=joined, chi2=chi2.reshape(best.shape)[()])
+            # These errors are not stated ones: nothing is said of how far the residuals are from
+            # them, and models are compared with equal weights.
+            left = [f for f in best.findings if f.code not in ("chi2_large", "chi2_small")]
+            return replace(
+                best, measurement=joined, chi2=none, chi2_reduced=none, bic=found.bic,
+                aicc=found.aicc, errors=best.errors._replace(stated=False), findings=tuple(left),
+            )  # fmt: skip
+
+        return Weighed(lambda _: run(weighed, QUADRATIC).fitted[None], result)
+
+    def compared(_: Any, model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        off = weighted_residuals(joined, model[0], stated=False)
+        return off[None], arcs(joined, model[0])[None]
+
+    return Fits(
+        value=m.value[None], sigma=m.sigma[None] if found.errors.stated else None,
+        angle_deg=m.angle_deg[None], wavelength_um=m.wavelength_um, power=are_powers(m.quantity),
+        curve=found.curve, names=found.curve_names,  # type: ignore
+        chi2=np.array([np.nansum(found.chi2)]), dof=np.array([np.sum(found.dof)]),
+        values=lambda: found.values, compared=compared,
+        first=Weighed(lambda _: found.fitted[None], lambda: found), again=again,
+    )  # fmt: skip
 
 
 @np.errstate(all="ignore")
-def told(before: Mapping[str, Any], best: FitData, taken: Taken, chi2: Any) -> FitData:
-    """Return the ``best`` fit with further errors, and what is told of them.
+def _told(before: Mapping[str, Any], best: FitData, taken: Taken) -> FitData:
+    """Return the ``best`` fits with further errors, and what is told of them.
 
-    before: name -> value of the parameters, fitted with one factor. chi2: with the stated errors.
+    before: name -> value of the parameters, fitted with one factor.
     """
-
-    def shaped(values: np.ndarray) -> Any:
-        if not best.shape:
-            return values.item()
-        return np.reshape(np.resize(values, np.prod(best.shape)), best.shape)
-
-    kind, s, gain = (shaped(a) for a in taken[:3])
-    reduced = np.where(np.asarray(best.dof) > 0, chi2 / np.asarray(best.dof), np.nan)
+    kind, s, gain = (np.resize(a, best.shape)[()] for a in taken[:3])
+    reduced = np.where(np.asarray(best.dof) > 0, best.chi2 / np.asarray(best.dof), np.nan)
     reduced = reduced if best.shape else float(reduced)
     values = {"chi2_reduced": reduced, "added": s, "gain": gain}
     new = [Finding(f"errors_{one}", np.equal(kind, one), values) for one in ADDED]
@@ -223,27 +242,26 @@ def told(before: Mapping[str, Any], best: FitData, taken: Taken, chi2: Any) -> F
         taken=np.where(np.equal(kind, ""), best.errors.taken, kind)[()], added=s
     )
     every = ranked([*best.findings, *(f for f in new if np.any(f.at))])
-    return replace(best, chi2=chi2, chi2_reduced=reduced, errors=errors, findings=every)
+    return replace(best, chi2_reduced=reduced, errors=errors, findings=every)
 
 
 @np.errstate(all="ignore")
 def covering(run: Run, several: Sequence[Measurement], found: FitData) -> FitData:
     """Return a misfit with intervals that cover those of all error models, where these disagree.
 
-    run: as for `with_added_error`. Residuals that are no noise have no likelihood by which one of
+    run: as for `of_measurements`. Residuals that are no noise have no likelihood by which one of
     the error models were better than another.
     """
-    joined, names = concatenate(*several), found.names
-    start = run(several, QUADRATIC)
+    start, names = run(several, QUADRATIC), found.names
+    of, alone = of_measurements(run, several, start, AUTO), np.arange(1)
     others = [start]
-    for kind in ADDED if are_powers(joined.quantity).any() else (FLOOR,):
-        taken = _further(kind, run, several, joined, start.fitted)
+    for kind in ADDED if of.power.any() else (FLOOR,):
+        taken = _further_errors(kind, of, alone == 0)
         if taken.kind[0]:
-            others.append(run(_weighed(several, taken.sigma[0]), AUTO))
-    equal = np.sqrt(np.mean(weighted_residuals(joined, start.fitted, stated=False) ** 2))
-    others.append(
-        run(_weighed(several, equal / np.maximum(arcs(joined, start.fitted), 1e-3)), AUTO)
-    )
+            others.append(of.again(taken.sigma, alone).result())
+    off, unit = of.compared(alone, start.fitted[None])
+    equal = np.sqrt(np.mean(off**2)) / np.maximum(unit, 1e-3)
+    others.append(of.again(equal, alone).result())
     parameters, scale = dict(found.parameters), np.ones((*found.shape, len(names)))
     moved = np.zeros(scale.shape, bool)
     for i, name in enumerate(names):
