@@ -143,9 +143,9 @@ def _found(e: Ended, number: int, kinds: Iterable[str]) -> Found:
     if fell and found:
         # In a curved valley lanes stop at many places. These are one minimum if the last steps of
         # each lead to the same.
-        lanes = [m.lane for m in found]
-        steps = [look(m) for m in lanes]
-        ends = ends.moved(lanes, np.stack([e.y for e in steps], 1), [e.cost for e in steps])
+        ends = ends._replace(y=ends.y.copy(), cost=ends.cost.copy())
+        for m in found:
+            ends.y[:, m.lane], ends.cost[m.lane] = look(m.lane).y, look(m.lane).cost
         found = _minima(fit, ends, look, noise, scatter, most)
     if found and found[0].lane != lane:
         lane = found[0].lane

@@ -19,7 +19,7 @@ from jax import Array
 
 from fitting.optics.observe import predicted
 from fitting.optics.spec import NCS, Spec
-from fitting.problem.lanes import MOST, Ends, Limits, ahead, in_calls, run_lanes
+from fitting.problem.lanes import ahead, in_calls
 from fitting.problem.observations import Observations, data_of, squares_of
 from fitting.problem.programs import Targets, rows_of, weighted
 from fitting.problem.solver import add
@@ -113,20 +113,6 @@ class Curves:
     def squares(self) -> np.ndarray:
         """The sum of squares of the data of each curve in units of their errors, (N,)."""
         return squares_of(self.base._replace(**self._data))
-
-
-def run_curves(
-    spec: Spec, curves: Curves, start: np.ndarray, which: np.ndarray, limits: Limits,
-    dof: np.ndarray, most: int = MOST,
-) -> Ends:  # fmt: skip
-    """Return where starts (p, L) end, each on the curve of a number ``which``, (L,).
-
-    limits: bounds (p,), or (p, L) of each lane. dof: (N,) of each curve. most: evaluations.
-    """
-    return run_lanes(
-        spec, lambda lanes: curves.targets(which[lanes]), start, limits,
-        np.maximum(dof[which], 1.0), curves.squares[which], most, curves.width, which,
-    )  # fmt: skip
 
 
 def triangle(columns: list[list[Array]]) -> Array:

@@ -47,12 +47,6 @@ class Ends(NamedTuple):
             mine[..., lanes] = theirs
         self.evaluations[lanes] += others.evaluations
 
-    def moved(self, lanes: Sequence[int], y: np.ndarray, cost: Sequence[float]) -> Ends:
-        """Return the ends with some of them at other places y (p, l)."""
-        out = self._replace(y=self.y.copy(), cost=self.cost.copy())
-        out.y[:, lanes], out.cost[lanes] = y, cost
-        return out
-
     def lowest(self, count: int) -> np.ndarray:
         """Return where the lowest of them are, (p, count)."""
         return self.y[:, np.argsort(self.cost, kind="stable")[:count]]

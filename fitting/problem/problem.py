@@ -114,24 +114,17 @@ class Problem:
                 out[column] = np.take_along_axis(y[column], order, axis=0)
         return out
 
-    def targets_at(self, noise: float, priors: bool = True) -> Targets:
-        """Return what is compared, with residuals divided by the noise, with priors or without."""
-        targets = self.targets._replace(noise=np.float64(noise))
-        if not priors:
-            targets = targets._replace(prior_weight=np.zeros_like(targets.prior_weight))
-        return targets
-
     def run(self, start: np.ndarray, noise: float, priors: bool = True) -> Ends:
         """Return the ends of the starts at this noise, terms in order.
 
         Of more than LANES starts the lowest after SIFT evaluations go on; then each goes on while
         it may become the best.
         """
-        targets, used = self.targets_at(noise, priors), 0
+        used = 0
         if start.shape[1] > LANES:
-            start, used = self.held(start, noise, SIFT, targets=targets).lowest(LANES), SIFT
+            start, used = self.held(start, noise, SIFT, priors=priors).lowest(LANES), SIFT
         self.lanes = start.shape[1]
-        ends = self.held(start, noise, MOST, targets=targets, fit=np.zeros(self.lanes, int))
+        ends = self.held(start, noise, MOST, priors=priors, fit=np.zeros(self.lanes, int))
         return ends._replace(y=self.in_order(ends.y), evaluations=ends.evaluations + used)
 
     def _report(self, ends: Ends) -> None:
@@ -151,14 +144,16 @@ class Problem:
 
     def held(
         self, start: np.ndarray, noise: float, steps: int, limits: Limits | None = None,
-        targets: Targets | None = None, fit: np.ndarray | None = None,
+        priors: bool = True, fit: np.ndarray | None = None,
     ) -> Ends:  # fmt: skip
         """Return where starts (p, S) are after so many evaluations.
 
         Terms stay in the order that they have. limits: bounds (p, S) of each start, if not those of
-        all. targets: what is compared with other data than all. fit: see `run_lanes`.
+        all. priors: whether these count. fit: see `run_lanes`.
         """
-        targets, count = (targets or self.targets)._replace(noise=np.float64(noise)), start.shape[1]
+        targets, count = self.targets._replace(noise=np.float64(noise)), start.shape[1]
+        if not priors:
+            targets = targets._replace(prior_weight=np.zeros_like(targets.prior_weight))
         ends = run_lanes(
             self.u.spec, lambda _: targets, start, limits or self.limits,
             np.full(count, self.degrees), np.full(count, self.squares / noise**2), steps, fit=fit,

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from fitting.problem.curve_lanes import Curves, run_curves
-from fitting.problem.lanes import Ends, Limits, joined, with_fixed
+from fitting.problem.curve_lanes import Curves
+from fitting.problem.lanes import MOST, Ends, Limits, joined, run_lanes, with_fixed
 from fitting.problem.problem import Problem
 from fitting.process.progress import tell
 from fitting.residuals.error_model import beyond_chance
@@ -54,9 +54,7 @@ class BatchSearch:
 
     def run(self, start: np.ndarray, which: np.ndarray) -> None:
         """Follow starts (p, L) of the curves ``which``, (L,), and keep where they end."""
-        self._keep(
-            which, run_curves(self.job.u.spec, self.curves, start, which, self.limits, self.dof)
-        )
+        self._keep(which, self._followed(start, which, self.limits, MOST))
 
     def with_errors(self, sigma: Mapping[str, np.ndarray], of: np.ndarray) -> BatchSearch:
         """Return the search with other errors, those of the curves ``of``, followed again."""
@@ -87,9 +85,14 @@ class BatchSearch:
 
         Of each of them one coordinate stays, ``row`` (L,).
         """
-        limits = with_fixed(self.limits, start, row)
-        return run_curves(
-            self.job.u.spec, self.curves, start, which, limits, self.dof, steps
+        return self._followed(start, which, with_fixed(self.limits, start, row), steps)
+
+    def _followed(self, start: np.ndarray, which: np.ndarray, limits: Limits, most: int) -> Ends:
+        """Return where starts (p, L) of curves (L,) are after ``most`` evaluations at most."""
+        return run_lanes(
+            self.job.u.spec, lambda lanes: self.curves.targets(which[lanes]), start, limits,
+            np.maximum(self.dof[which], 1.0), self.curves.squares[which], most, self.curves.width,
+            which,
         )  # fmt: skip
 
     def missed(self) -> np.ndarray:

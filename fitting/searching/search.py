@@ -19,7 +19,6 @@ import numpy as np
 from fitting.optics.spec import Spec
 from fitting.problem.lanes import LANES, SIFT, Ends, best_of, joined
 from fitting.problem.problem import Kept, Problem
-from fitting.problem.programs import Targets
 from fitting.problem.unknowns import terms_of
 from fitting.process.progress import tell
 from fitting.searching.fewer_rows import followed_with_all
@@ -41,7 +40,7 @@ from fitting.uncertainty.likelihood import reduced_chi2
 _GROWING = 40
 
 
-def grown_starts(fit: Problem, targets: Targets, start: np.ndarray, noise: float) -> np.ndarray:
+def grown_starts(fit: Problem, start: np.ndarray, noise: float, priors: bool = True) -> np.ndarray:
     """Return starts (p, 2 LANES) that were grown term by term; (p, 0) for one term.
 
     start: (p, S) random ones. What the search of the model with a term less has found
@@ -59,7 +58,7 @@ def grown_starts(fit: Problem, targets: Targets, start: np.ndarray, noise: float
         most[weak] = low[weak]
         if fit.fewer is None:
             pool = np.clip(pool, low[:, None], most[:, None])
-            best = lowest_ends(fit.held(pool, noise, _GROWING, (low, most), targets))
+            best = lowest_ends(fit.held(pool, noise, _GROWING, (low, most), priors))
         elif active == len(terms) - 1:
             best = np.clip(fit.fewer, low[:, None], most[:, None])
         else:
@@ -95,8 +94,7 @@ _NO_NOISE = 1e9  # so large that a robust loss equals least squares
 def _grown(fit: Problem, start: np.ndarray, noise: float, priors: bool = True) -> Ends:
     """Return the ends of starts (p, S), and of others that are grown from them term by term."""
     if isinstance(fit.u.spec, Spec):
-        grown = grown_starts(fit, fit.targets_at(noise, priors), start, noise)
-        start = np.concatenate([grown, start], 1)
+        start = np.concatenate([grown_starts(fit, start, noise, priors), start], 1)
     return fit.run(start, noise, priors)
 
 

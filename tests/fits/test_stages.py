@@ -124,7 +124,7 @@ def test_a_term_is_added_to_the_minima_of_the_model_with_a_term_less(monkeypatch
     one = {f"film.{name}": value for name, value in TRUTH.items() if not name.endswith("_2")}
     job.fewer = np.repeat(start_at(job.u.moving, one)[:, None], 8, 1)
     monkeypatch.setattr(job, "held", None)  # nothing is grown
-    grown = grown_starts(job, job.targets, start_points(job.u.moving, 4 * LANES, 0), 1.0)
+    grown = grown_starts(job, start_points(job.u.moving, 4 * LANES, 0), 1.0)
     assert grown.shape == (len(names), 2 * LANES)
     for name in one:
         row = names.index(name)
