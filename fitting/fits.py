@@ -194,8 +194,7 @@ def _general(
         return fits_of([_shared(measurements, sample, settings, asked)])
     joined = concatenate(*measurements)
     check_wavelengths(joined, settings)
-    usual = asked.starts is None and asked.start is None
-    if asked.loss == "squares" and not settings.priors and usual:
+    if asked.loss == "squares" and not settings.priors:
         return fit_wavelengths(joined, sample, settings, asked)
     # The noise of a robust loss or a prior is estimated in rounds, one wavelength at a time.
     asked = asked._replace(kept=None)  # other data

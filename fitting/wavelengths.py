@@ -32,6 +32,7 @@ from fitting.samples.parameters import Settings
 from fitting.samples.sample import Sample
 from fitting.searching.batch_search import BatchSearch
 from fitting.searching.starts import starts as start_points
+from fitting.searching.starts import with_given_start
 from fitting.searching.surface_mesh import of_bare_surface, search_surface
 
 # A wavelength is tried from the solutions at so many wavelengths on either side.
@@ -146,16 +147,20 @@ def fit_wavelengths(
     as they have moved.
     """
     waves = each_wavelength(measurement, sample, settings, asked)
-    search, every = BatchSearch(waves.job, waves.curves), np.arange(waves.curves.count)
+    u, search = waves.job.u, BatchSearch(waves.job, waves.curves)
+    every = np.arange(waves.curves.count)
     tell(total=2 * len(every), done=0)  # each is solved, and then gets its errors
-    if near is None and of_bare_surface(search):
-        search_surface(search)
-    elif near is None:
-        starts = start_points(waves.job.u.moving, LANES, asked.seed)
-        search.run(np.tile(starts, len(every)), np.repeat(every, LANES))
-        search.from_neighbours(_beside(len(every)), search.dof > 0)
-    else:
+    if near is not None:
         search.run(np.stack([e.y for e in near.evaluator.each], 1), every)  # type: ignore
+    else:
+        mesh = of_bare_surface(search) and asked.starts is None
+        if mesh:
+            search_surface(search)
+        starts = start_points(u.moving, 0 if mesh else asked.starts or LANES, asked.seed)
+        starts = with_given_start(starts, u.moving, u.labels, asked.start)
+        search.run(np.tile(starts, len(every)), np.repeat(every, starts.shape[1]))
+        if not mesh:
+            search.from_neighbours(_beside(len(every)), search.dof > 0)
     tell("errors", done=len(every))
     pooled = None
     if search.dof.sum() and search.dof.min() < _ENOUGH:
