@@ -127,8 +127,8 @@ def fit_checked(
         return _general(several, sample, settings, near)
 
     if not settings.priors and asked.loss == "squares":
-        of = of_measurements(again, measurements, found, asked.intervals)
-        found = with_error_model(of, asked.errors)
+        one = of_measurements(again, measurements, found, asked.intervals)
+        found = with_error_model(one, asked.errors)
     missing, misses = (
         missing_errors(measurements, asked.errors),
         misses_of_files(measurements, found),
@@ -182,17 +182,15 @@ def _general(
     measurements: Sequence[Measurement], sample: Sample, settings: Settings, asked: FitOptions
 ) -> FitData:
     """Return the fit of a general sample, with its stated errors or one factor on them."""
-    waves = np.unique(np.concatenate([m.wavelength_um for m in measurements]))
-    film = free_film(sample)
+    joined, film = concatenate(*measurements), free_film(sample)
+    waves = np.unique(joined.wavelength_um)
     if film is not None:
-        check_free_film(concatenate(*measurements), sample, film, settings)
-        if len(waves) > 1:
-            return fit_free_film(concatenate(*measurements), sample, film, settings, asked)
-        # At one wavelength nothing is shared: thickness, eta and k are three unknowns of one fit.
-        return fits_of([_shared(measurements, sample, settings, asked)])
+        check_free_film(joined, sample, film, settings)
+    # At one wavelength nothing is shared: thickness, eta and k are three unknowns of one fit.
     if not sample.by_wavelength or len(waves) == 1:
         return fits_of([_shared(measurements, sample, settings, asked)])
-    joined = concatenate(*measurements)
+    if film is not None:
+        return fit_free_film(joined, sample, film, settings, asked)
     check_wavelengths(joined, settings)
     if asked.loss == "squares" and not settings.priors:
         return fit_wavelengths(joined, sample, settings, asked)

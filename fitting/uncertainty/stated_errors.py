@@ -86,21 +86,21 @@ class Taken(NamedTuple):
 
 
 @np.errstate(all="ignore")
-def _further_errors(errors: str, of: Fits, far: np.ndarray) -> Taken:
+def _further_errors(errors: str, fits: Fits, far: np.ndarray) -> Taken:
     """Return the further error of each of the fits ``far`` (N,) that is to have one."""
-    count, stated, fits = len(of.value), of.sigma, np.flatnonzero(far)
+    count, stated, some = len(fits.value), fits.sigma, np.flatnonzero(far)
     assert stated is not None
     taken = Taken(
         np.full(count, "", f"<U{max(map(len, ADDED))}"), np.zeros(count), np.full(count, -np.inf),
         stated.copy(),
     )  # fmt: skip
-    fitted = of.first.model(fits)
+    fitted = fits.first.model(some)
     for kind in added_kinds(errors):
-        live, model, s, gain = fits, fitted, np.zeros(len(fits)), taken.gain[fits]
+        live, model, s, gain = some, fitted, np.zeros(len(some)), taken.gain[some]
         least: Any = 0.0
         for left in reversed(range(ROUNDS)):
-            off, unit = of.compared(live, model)
-            own, size = stated[live] * unit, sizes(kind, model, of.power)
+            off, unit = fits.compared(live, model)
+            own, size = stated[live] * unit, sizes(kind, model, fits.power)
             added = likeliest_added(off, own, size)
             go = np.ones(len(live), bool)
             if left == ROUNDS - 1:
@@ -121,49 +121,49 @@ def _further_errors(errors: str, of: Fits, far: np.ndarray) -> Taken:
             live, s, gain, least = live[go], added.s[go], new[go], least[go]
             if not len(live):
                 break
-            model = of.again(weighed[go], live).model(live)
+            model = fits.again(weighed[go], live).model(live)
     return taken
 
 
-def with_error_model(of: Fits, errors: str) -> FitData:
+def with_error_model(fits: Fits, errors: str) -> FitData:
     """Return fits with a further error if it is asked for, or likelier than one factor.
 
     And those of errors that are not stated with the scatter of each quantity, where these differ.
     """
-    if of.sigma is None:
-        own = errors == "auto" and len(of.names) > 1 and of.power.all()
-        return _with_own_scatter(of) if own else of.first.result()
-    large, _ = beyond_chance(of.chi2 / np.maximum(of.dof, 1), of.dof)
-    far = (large if errors == "auto" else of.dof > 0) & np.isfinite(of.chi2)
+    if fits.sigma is None:
+        own = errors == "auto" and len(fits.names) > 1 and fits.power.all()
+        return _with_own_scatter(fits) if own else fits.first.result()
+    large, _ = beyond_chance(fits.chi2 / np.maximum(fits.dof, 1), fits.dof)
+    far = (large if errors == "auto" else fits.dof > 0) & np.isfinite(fits.chi2)
     if not added_kinds(errors) or not far.any():
-        return of.first.result()
-    taken = _further_errors(errors, of, far)
+        return fits.first.result()
+    taken = _further_errors(errors, fits, far)
     used = np.flatnonzero(taken.kind != "")
     if not len(used):
-        return of.first.result()
-    return _told(of.values(), of.again(taken.sigma[used], used).result(), taken)
+        return fits.first.result()
+    return _told(fits.values(), fits.again(taken.sigma[used], used).result(), taken)
 
 
-def _with_own_scatter(of: Fits) -> FitData:
+def _with_own_scatter(fits: Fits) -> FitData:
     """Return the fits in which each R and T without stated errors has the scatter of its own.
 
     With one scatter for both a noisy T hides what a quiet R says.
     """
     # Otherwise residuals are far smaller than the noise.
-    some = np.flatnonzero(2 * of.dof >= np.isfinite(of.value).sum(1))
-    angle = of.angle_deg if len(of.angle_deg) == 1 else of.angle_deg[some]
-    off = of.value[some] - of.first.model(some)
-    sigma = scatter_of_each(angle, of.wavelength_um, of.curve, of.value[some], off)
+    some = np.flatnonzero(2 * fits.dof >= np.isfinite(fits.value).sum(1))
+    angle = fits.angle_deg if len(fits.angle_deg) == 1 else fits.angle_deg[some]
+    off = fits.value[some] - fits.first.model(some)
+    sigma = scatter_of_each(angle, fits.wavelength_um, fits.curve, fits.value[some], off)
     differ = np.isfinite(sigma).any(1)
     some, sigma = some[differ], sigma[differ]
     if not len(some):
-        return of.first.result()
-    best, count = of.again(sigma, some).result(), len(of.names)
-    noise = np.full((len(of.value), count), np.nan)
-    noise[some] = sigma[:, np.unique(of.curve, return_index=True)[1]]
+        return fits.first.result()
+    best, count = fits.again(sigma, some).result(), len(fits.names)
+    noise = np.full((len(fits.value), count), np.nan)
+    noise[some] = sigma[:, np.unique(fits.curve, return_index=True)[1]]
     noise = np.resize(noise, (*best.shape, count))
     own = np.isfinite(noise)
-    at, values = own.any(-1), {"curves": tuple(of.names), "noise": those(noise, own)}
+    at, values = own.any(-1), {"curves": tuple(fits.names), "noise": those(noise, own)}
     taken = np.where(at, OF_EACH, best.errors.taken)[()]
     findings = ranked([*best.findings, Finding("errors_of_each", at, values)])
     return replace(best, errors=best.errors._replace(taken=taken), findings=findings)
@@ -253,15 +253,15 @@ def covering(run: Run, several: Sequence[Measurement], found: FitData) -> FitDat
     the error models were better than another.
     """
     start, names = run(several, QUADRATIC), found.names
-    of, alone = of_measurements(run, several, start, AUTO), np.arange(1)
+    fits, alone = of_measurements(run, several, start, AUTO), np.arange(1)
     others = [start]
-    for kind in ADDED if of.power.any() else (FLOOR,):
-        taken = _further_errors(kind, of, alone == 0)
+    for kind in ADDED if fits.power.any() else (FLOOR,):
+        taken = _further_errors(kind, fits, alone == 0)
         if taken.kind[0]:
-            others.append(of.again(taken.sigma, alone).result())
-    off, unit = of.compared(alone, start.fitted[None])
+            others.append(fits.again(taken.sigma, alone).result())
+    off, unit = fits.compared(alone, start.fitted[None])
     equal = np.sqrt(np.mean(off**2)) / np.maximum(unit, 1e-3)
-    others.append(of.again(equal, alone).result())
+    others.append(fits.again(equal, alone).result())
     parameters, scale = dict(found.parameters), np.ones((*found.shape, len(names)))
     moved = np.zeros(scale.shape, bool)
     for i, name in enumerate(names):
