@@ -131,8 +131,10 @@ def with_error_model(fits: Fits, errors: str) -> FitData:
     And those of errors that are not stated with the scatter of each quantity, where these differ.
     """
     if fits.sigma is None:
-        own = errors == "auto" and len(fits.names) > 1 and fits.power.all()
-        return _with_own_scatter(fits) if own else fits.first.result()
+        # With fewer degrees of freedom residuals are far smaller than the noise.
+        enough = np.flatnonzero(2 * fits.dof >= np.isfinite(fits.value).sum(1))
+        own = errors == "auto" and len(enough) and len(fits.names) > 1 and fits.power.all()
+        return _with_own_scatter(fits, enough) if own else fits.first.result()
     large, _ = beyond_chance(fits.chi2 / np.maximum(fits.dof, 1), fits.dof)
     far = (large if errors == "auto" else fits.dof > 0) & np.isfinite(fits.chi2)
     if not added_kinds(errors) or not far.any():
@@ -144,13 +146,11 @@ def with_error_model(fits: Fits, errors: str) -> FitData:
     return _told(fits.values(), fits.again(taken.sigma[used], used).result(), taken)
 
 
-def _with_own_scatter(fits: Fits) -> FitData:
-    """Return the fits in which each R and T without stated errors has the scatter of its own.
+def _with_own_scatter(fits: Fits, some: np.ndarray) -> FitData:
+    """Return fits, of which ``some`` (k,) have for each R and T the scatter of its own.
 
     With one scatter for both a noisy T hides what a quiet R says.
     """
-    # Otherwise residuals are far smaller than the noise.
-    some = np.flatnonzero(2 * fits.dof >= np.isfinite(fits.value).sum(1))
     angle = fits.angle_deg if len(fits.angle_deg) == 1 else fits.angle_deg[some]
     off = fits.value[some] - fits.first.model(some)
     sigma = scatter_of_each(angle, fits.wavelength_um, fits.curve, fits.value[some], off)
