@@ -118,3 +118,16 @@ def test_a_robust_loss_means_the_same_at_every_wavelength():
     assert np.abs(robust.eta - 1.6).max() < 0.02 < np.abs(plain.eta - 1.6).max()
     one = fit(m.where(wave == 0.5), loss="huber")
     np.testing.assert_allclose(robust.eta[0], one.eta, rtol=1e-9)
+
+
+def test_starts_and_a_given_start_lead_to_the_minimum_of_the_mesh():
+    angle, wave = (a.ravel() for a in np.meshgrid(np.linspace(20.0, 75.0, 30), [0.5, 0.6]))
+    truth = {"eta": 1.6, "k": 0.5}
+    R = simulate("constant", truth, angle, wave, "R_s")
+    m = Measurement.from_columns(angle, wave, R_s=R + 1e-3 * np.sin(7.0 * angle * wave))
+    mesh = fit(m)
+    for options in ({"starts": 8}, {"start": truth}):
+        found = fit(m, **options)
+        np.testing.assert_allclose(found.eta, mesh.eta, rtol=1e-6)
+    with pytest.raises(ValueError, match="start names n"):
+        fit(m, start={"n": 1.6})
