@@ -104,8 +104,11 @@ def draw(curves, path: Path) -> None:
         for axis, (family, found) in zip(axes, curves.items(), strict=False):
             quantity, values, _ = stack_cases.FAMILIES[family]
             for i, (name, y) in enumerate(found.items()):
+                # black is ours; of the palette's other colours the seventh peer is the first again
                 style = (
-                    {"color": "k", "lw": 3 - i, "ls": "--" if i else "-"} if i < 2 else {"lw": 1.2}
+                    {"color": "k", "lw": 3 - i, "ls": "--" if i else "-"}
+                    if i < 2
+                    else {"color": f"C{(i - 2) % 6}", "lw": 1.2, "ls": "-" if i < 8 else ":"}
                 )
                 axis.plot(values, np.clip(y, 0.3, FAILED), marker=".", label=name, **style)
             axis.axhline(64, color="0.6", lw=0.8, ls="--")
