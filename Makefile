@@ -18,7 +18,7 @@ notebooks: .venv/installed-test  ## the tutorials as notebooks, in examples/note
 test: .venv/installed-test  ## the tests (eight minutes on 2 cores)
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not study and not docs"
 
-test-slow: .venv/installed-test  ## those that take seconds each: further samples and programs, faults of processes (five minutes)
+test-slow: .venv/installed-test  ## the other half of their time: further samples and programs, faults of processes (seven minutes)
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "slow and not study"
 
 test-docs: .venv/installed-test .venv/installed-docs  ## that docs and examples run and print what is shown, and the benchmarks measure what they say

@@ -9,6 +9,8 @@ from fitting import fit, read_csv
 from fitting.command.cli import main
 from tests.truth.simulated import textbook
 
+pytestmark = pytest.mark.slow
+
 
 def write(folder, name, eta, quantity="R_s", seed=0):
     angle = np.linspace(20.0, 80.0, 25)

@@ -8,6 +8,8 @@ import pytest
 from fitting import Measurement, fit, simulate
 from fitting.searching.without_fringes import gain_by_chance
 
+pytestmark = pytest.mark.slow
+
 STUDY = pytest.mark.study
 SAMPLE = "air | cauchy:2 5..4000 nm | BK7"
 WAVELENGTHS = 1.0 / np.linspace(1.0 / 0.9, 1.0 / 0.45, 96)

@@ -10,6 +10,8 @@ from fitting.command import cli
 from fitting.measured_file import read_csv
 from tests.truth.simulated import GOLD, textbook
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("form", ["wide", "long"])
 def test_gold_scan_of_the_shared_files(measured_files, form):

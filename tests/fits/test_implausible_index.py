@@ -5,6 +5,8 @@ import pytest
 
 from fitting import Measurement, fit, simulate
 
+pytestmark = pytest.mark.slow
+
 WAVES = np.linspace(0.4, 0.9, 32)
 
 

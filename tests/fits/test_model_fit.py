@@ -13,6 +13,8 @@ from fitting import Measurement, fit, simulate
 from fresnel_jax.dispersion import Cauchy
 from tests.estimates import bounds, codes, fixed, limits, sigmas, values
 
+pytestmark = pytest.mark.slow
+
 WAVELENGTHS = np.linspace(0.4, 0.9, 14)
 ANGLES = np.array([45.0, 65.0, 75.0])
 SIGMA = 1e-3

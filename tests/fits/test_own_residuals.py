@@ -12,6 +12,8 @@ from tests.estimates import bounds, codes, kinds, sigmas, values
 from tests.truth.nist_strd import digits, nist_problems
 from tests.truth.simulated import textbook
 
+pytestmark = pytest.mark.slow
+
 TIMES = np.linspace(0.0, 4.0, 30)
 DECAY = {"height": (0.5, 5.0), "rate": {"start": (0.1, 10.0), "coordinate": "log", "unit": "1/s"}}
 

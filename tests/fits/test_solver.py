@@ -14,6 +14,8 @@ from fitting.problem.solver import (
     solve_lanes,
 )
 
+pytestmark = pytest.mark.slow
+
 T = np.linspace(0.0, 3.0, 25)
 RNG = np.random.default_rng(11)
 LANES = 32  # one shape, one compilation

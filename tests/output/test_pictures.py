@@ -13,6 +13,8 @@ from fitting.output.pictures import picture_bytes
 from fresnel_jax.dispersion import HC_EV_UM
 from tests.truth.simulated import GOLD, simulated, textbook
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def gold():

@@ -17,6 +17,8 @@ from fitting.samples.sample import Sample
 from fresnel_jax import powers
 from fresnel_jax.layers import stack
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ("text", "quantities", "free", "place"),

@@ -8,6 +8,8 @@ import pytest
 
 from fresnel_jax.dispersion import HC_EV_UM, Cauchy, CauchyUrbach, TaucLorentz
 
+pytestmark = pytest.mark.slow
+
 BOUND = 64.0  # eps of the larger of 1 and the permittivity
 
 

@@ -9,6 +9,8 @@ import pytest
 from fresnel_jax import approximate
 from tests.truth.textbook import reflectances
 
+pytestmark = pytest.mark.slow
+
 CURVES = {
     "schlick": approximate.schlick,
     "lazanyi_szirmay_kalos": approximate.lazanyi_szirmay_kalos,

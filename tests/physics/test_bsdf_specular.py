@@ -13,6 +13,8 @@ from fresnel_jax import bsdf, directions
 from fresnel_jax.bsdf import Lobes, TransportMode
 from fresnel_jax.interface import fresnel_conductor, fresnel_dielectric, powers
 
+pytestmark = pytest.mark.slow
+
 REFERENCE = pathlib.Path(__file__).parents[1] / "truth" / "reference"
 MODES = list(TransportMode)
 GOLD = (0.43, 2.455)

@@ -9,6 +9,8 @@ import pytest
 from fresnel_jax.effective_medium import bruggeman, linear, looyenga, maxwell_garnett
 from fresnel_jax.layers import stack
 
+pytestmark = pytest.mark.slow
+
 MODELS = [bruggeman, looyenga, maxwell_garnett, linear]
 INDEX_BOUND, K_BOUND = 16.0, 32.0  # eps of |N|, and of k itself
 

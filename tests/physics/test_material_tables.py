@@ -6,6 +6,8 @@ import pytest
 from fresnel_jax import reflectance
 from fresnel_jax.dispersion import material
 
+pytestmark = pytest.mark.slow
+
 
 def columns(folder, name):
     """Wavelength, n, k of a reference table; rows without k left out."""

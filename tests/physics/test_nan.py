@@ -38,6 +38,8 @@ from fresnel_jax.dispersion import material
 from fresnel_jax.layers import slab
 from fresnel_jax.microfacet import half_vector, half_vector_jacobian
 
+pytestmark = pytest.mark.slow
+
 NAN = float("nan")
 DTYPES = pytest.mark.parametrize("dtype", [np.float64, np.float32])
 # The longer tests have float64 alone: what becomes of a NaN is decided by the same comparisons.

@@ -12,6 +12,8 @@ import pytest
 from fresnel_jax import directions
 from fresnel_jax._numerics.vectors import components, dot_exactly
 
+pytestmark = pytest.mark.slow
+
 REFERENCE = pathlib.Path(__file__).parents[1] / "truth" / "reference"
 UP = np.array([0.0, 0.0, 1.0])
 DTYPES = [np.float32, np.float64]

@@ -6,6 +6,8 @@ import pytest
 from fresnel_jax.layers import stack
 from tests.truth import stack_oracle
 
+pytestmark = pytest.mark.slow
+
 
 def drawn(random, layers, count, dtype):
     """Films up to .3 um of n 1 to 3, a third of them lossy; the stacks are on the last axis."""

@@ -14,6 +14,8 @@ from fresnel_jax.layers import Uniaxial, slab, stack
 from fresnel_jax.polarization import psi_delta
 from tests.truth import stack_oracle
 
+pytestmark = pytest.mark.slow
+
 CAUCHY = {"A": 1.5, "B": 0.012, "C": 0.0}
 
 

@@ -7,6 +7,8 @@ from fitting import Fit, fit_many
 from tests.truth.left_out import left_out
 from tests.truth.random_measurements import Batch, draw, textbook
 
+pytestmark = pytest.mark.slow
+
 BENT = [(1, 68), (65, 117), (73, 77), (82, 104), (87, 106)]
 BEYOND_CRITICAL = [(8, 400), (9, 403), (45, 485), (46, 459), (70, 478), (88, 449), (93, 418)]
 # below the index in front, where sigma_k is a fifth to two fifths of k

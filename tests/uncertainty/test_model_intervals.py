@@ -26,6 +26,8 @@ from tests.truth.profiles import (
     textbook,
 )
 
+pytestmark = pytest.mark.slow
+
 # The rise that is due follows from the profile, here from a parabola through all of it.
 BESIDE_ZERO = 0.02
 

@@ -9,6 +9,8 @@ from fitting import Measurement, fit, simulate
 from fitting.residuals.pattern import pattern
 from tests.truth.simulated import textbook
 
+pytestmark = pytest.mark.slow
+
 ANGLES = np.linspace(20.0, 80.0, 30)
 
 

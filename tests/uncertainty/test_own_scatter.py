@@ -6,6 +6,8 @@ import pytest
 from fitting import Measurement, fit, fit_many, simulate
 from fitting.residuals.noise import scatter_of_each
 
+pytestmark = pytest.mark.slow
+
 WAVES = np.linspace(0.45, 0.85, 41)
 FILM = "air | cauchy 1..1000 nm | 1.52"
 TRUTH = {"film.A": 1.9, "film.B": 0.012, "film.C": 2e-4, "film.thickness_nm": 202.0}

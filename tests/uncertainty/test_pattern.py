@@ -11,6 +11,8 @@ from fitting.residuals.residuals import residuals, weighted_residuals
 from fitting.samples.sample import Sample
 from tests.truth.simulated import GOLD, simulated, textbook
 
+pytestmark = pytest.mark.slow
+
 LARGE = "3 angles, 40 wavelengths"
 LAYOUTS = {
     "12 angles": (np.linspace(20.0, 80.0, 12), np.full(12, np.nan)),
