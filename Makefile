@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo docs notebooks test test-slow test-docs quick test-studies lint accuracy accuracy-search jit-study advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study misfit-study nist-study film-study film-coverage free-film-study film-models film-choice bench-maps fuzz matrix gpu clean
+.PHONY: demo docs notebooks test test-all test-docs quick test-studies lint accuracy accuracy-search jit-study advisor-study bench stability startup first-choose fit-study fit-coverage model-coverage model-study model-success errors-study misfit-study nist-study film-study film-coverage free-film-study film-models film-choice bench-maps fuzz matrix gpu clean
 
 demo: .venv/installed-plot  ## fit the two scans that ship with the project; tables, pictures, JSON in demo/
 	mkdir -p demo
@@ -18,8 +18,8 @@ notebooks: .venv/installed-test  ## the tutorials as notebooks, in examples/note
 test: .venv/installed-test  ## the tests (eight minutes on 2 cores)
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not study and not docs"
 
-test-slow: .venv/installed-test  ## the other half of their time: further samples and programs, faults of processes (seven minutes)
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "slow and not study"
+test-all: .venv/installed-test  ## these, and files of further samples, programs and processes (thirteen minutes)
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 test-docs: .venv/installed-test .venv/installed-docs  ## that docs and examples run and print what is shown, and the benchmarks measure what they say
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "docs and not study"

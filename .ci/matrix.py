@@ -3,9 +3,9 @@
 For each environment: the wheel is installed into a fresh virtual environment and, in a folder of
 its own outside of the checkout, the tests of the physics run on the installed package, and the
 command `fresnel-fit` fits the files that ship with the project, whose tables have to be those of
-docs. Then the two commands of the README, `make demo` and `make test`, and the other tests that
-continuous integration runs, in a fresh clone with the same versions. Prints a table in Markdown,
-and the last lines of what failed.
+docs. Then `make demo` and all tests of continuous integration, those of `make test` among them, run
+in a fresh clone with the same versions. Prints a table in Markdown, and the last lines of what
+failed.
 
     python .ci/matrix.py [--only oldest,...] [--without-make-test] [--pre] [PYTHON ...]
 
@@ -110,7 +110,7 @@ def try_one(
         if not options.without_make_test:
             step(
                 "make test",
-                ["make", "-s", "test", "test-slow", "test-docs", f"PYTHON={python}"],
+                ["make", "-s", "test-all", "test-docs", f"PYTHON={python}"],
                 folder / "clone",
             )
         if failed and options.logs:
