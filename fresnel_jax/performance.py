@@ -50,9 +50,9 @@ def keep_memory() -> bool:
 
         keep_memory()  # before jax's first computation, which starts the threads that allocate
 
-    At 1e7 points everything is then 1.6 to 2.5 times as fast in float64, `powers` and `amplitudes` at 1e5 too;
-    at 1e4 nothing changes. The price: the process keeps the most memory that it ever used, and all
-    its threads allocate from one heap.
+    At 1e7 points everything is then 1.6 to 2.5 times as fast in float64, `powers` and `amplitudes`
+    at 1e5 too; at 1e4 nothing changes. The price: the process keeps the most memory that it ever
+    used, and all its threads allocate from one heap.
 
     Returns whether it took effect: False without glibc (macOS, Windows), and after jax has begun.
     """
