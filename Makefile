@@ -15,10 +15,10 @@ docs: .venv/installed-docs  ## the documentation site in build/site, strictly: a
 notebooks: .venv/installed-test  ## the tutorials as notebooks, in examples/notebooks
 	$(BIN)/python examples/notebooks/make.py
 
-test: .venv/installed-test  ## the tests (six to eight minutes on 2 cores)
+test: .venv/installed-test  ## the tests but for the slowest files (six to eight minutes on 2 cores)
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow and not study and not docs"
 
-test-all: .venv/installed-test  ## these, and files of further samples, programs and processes (thirteen minutes)
+test-all: .venv/installed-test  ## all tests, the slowest files too (about thirteen minutes)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 test-docs: .venv/installed-test .venv/installed-docs  ## that docs and examples run and print what is shown, and the benchmarks measure what they say

@@ -98,13 +98,10 @@ FOUND_IN_STACKS = [
 ]  # fmt: skip
 
 
-# Each in the precision in which it was wrong; a program of each takes eight seconds to compile.
+# A program of each takes eight seconds to compile.
 @pytest.mark.study
-@pytest.mark.parametrize(("case", "dtype"), [
-    pytest.param(case, dtype, marks=[pytest.mark.study] * (dtype is not wrong))
-    for case, wrong in zip(FOUND_VALUES, (np.float32, *[np.float64] * 3), strict=True)
-    for dtype in (np.float64, np.float32)
-])  # fmt: skip
+@DTYPES
+@pytest.mark.parametrize("case", FOUND_VALUES)
 def test_values_that_were_found(case, dtype):
     name, *point = case
     entry = FUNCTIONS[name]
@@ -133,15 +130,9 @@ def test_places_that_were_found(case, dtype):
         assert errors(name, program, points, dtype) <= QUANTITIES[name].bound_at(points)
 
 
-SEARCHED = ("R and T of s and p", "gradient of R", "gradient of psi and Delta")
-
-
 @pytest.mark.study
 @DTYPES
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(q, marks=[pytest.mark.study] * (q not in SEARCHED)) for q in QUANTITIES],
-)
+@pytest.mark.parametrize("name", QUANTITIES)
 def test_a_short_search(name, dtype):
     # which arguments are given decides the program; it does so alike in float32
     for i, program in enumerate(PROGRAMS if dtype is np.float64 else ["all given"]):
