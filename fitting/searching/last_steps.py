@@ -97,8 +97,11 @@ def _stuck_or_far(fit: Problem, y: np.ndarray, noise: float) -> tuple[bool, bool
 
     The undamped step promises a large part of the cost where every step fails until none is left.
     Too far is where a parameter has no effect, or an error of many times the way from its start.
+    Where derivatives of the caller's function are not finite no step is known.
     """
     begun, s = fit.first[0] if fit.first else y, fit.slopes(y)
+    if not (np.isfinite(s.residual).all() and np.isfinite(s.jacobian).all()):
+        return True, True
     cost, known = fit.cost(s, y, noise), uncertainty_at(fit, s, y, noise)
     promised = float(np.sum((s.jacobian @ known.step / noise) ** 2))
     stuck = promised > 0.5 * cost > NO_NOISE * fit.squares / noise**2

@@ -167,8 +167,9 @@ def uncertainty(
             square = mean_square(
                 np.minimum(wide_step[there, i], 0.0), np.sqrt(variance[there] * own)
             )
-            along = wide[there, :, i] / own[:, None]
-            further = along[:, :, None] * along[:, None, :] * square[:, None, None]
+            with np.errstate(invalid="ignore"):  # of an infinite variance
+                along = wide[there, :, i] / own[:, None]
+                further = along[:, :, None] * along[:, None, :] * square[:, None, None]
             covariance[there] += np.where(np.isfinite(further), further, 0.0)
     return Uncertainty(
         covariance, at_bound, inner.directions, inner.hidden,

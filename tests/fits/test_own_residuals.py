@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from benchmarks.studies.fit_success import fit_by_itself
 from benchmarks.studies.nist_study import ENOUGH, RTOL, fitted
 from fitting import fit_residuals, own_residuals
 from fitting.problem.lanes import Ends
 from tests.estimates import bounds, codes, kinds, sigmas, values
 from tests.truth.nist_strd import digits, nist_problems
+from tests.truth.random_measurements import draw
 from tests.truth.simulated import textbook
 
 pytestmark = pytest.mark.slow
@@ -208,3 +210,10 @@ def up_to_one(v, data):
 def test_where_every_step_fails_is_no_minimum():
     found = fit_residuals(up_to_one, {"a": (0.5, 1.0)}, np.array([2.9, 3.0, 3.1]))
     assert found.status == "not converged" and "not_converged" in codes(found)
+
+
+@pytest.mark.parametrize(("geometry", "curve"), [(7, 1), (15, 18)])
+def test_a_mirror_whose_derivatives_overflow_is_undetermined(geometry, curve):
+    """R of nearly 1 fits better and better up to an index of 1e100 (the fit ended in an error)."""
+    batch, _ = draw(20261130, geometry, 4)
+    assert fit_by_itself(batch, curve, "residuals").status == "undetermined"
