@@ -18,8 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.studies.fit_coverage import holds
-from benchmarks.studies.fit_success import KEPT, has_second
+from benchmarks.studies.fit_success import KEPT, has_second, holds
 from fitting import Fit, fit_many
 from fitting.residuals.error_model import sizes
 from tests.truth.left_out import far_outside, rise_allowed

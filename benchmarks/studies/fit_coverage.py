@@ -24,16 +24,14 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
 
 from benchmarks.machine import conditions
-from benchmarks.studies.fit_success import A_GEOMETRY, has_second
+from benchmarks.studies.fit_success import A_GEOMETRY, has_second, holds
 from fitting import Fit, fit_many
-from fitting.results.result_parts import Estimate
 from fresnel_jax import powers
 from tests.truth.left_out import left_out
 from tests.truth.random_measurements import CLASSES, draw
@@ -107,13 +105,6 @@ class Cell(NamedTuple):
     k: float
     of_one: np.ndarray
     left_out: int
-
-
-def holds(parameters: Mapping[str, Estimate], eta: Any, k: Any) -> np.ndarray:
-    """Return whether the intervals of eta and of k hold the truth, (2, N); eta, k: (N,) or one."""
-    ends = [parameters[name].interval for name in ("eta", "k")]
-    pairs = zip(ends, (eta, k), strict=True)
-    return np.stack([(end[:, 0] <= truth) & (truth <= end[:, 1]) for end, truth in pairs])
 
 
 def random_study(curves: int, seed: int) -> list[Cell]:

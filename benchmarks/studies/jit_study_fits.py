@@ -28,9 +28,9 @@ _seen: set | None = None  # the calls that are compared; None: none is
 _largest: dict[str, float] = {}
 
 
-def _compared(function: Callable, static: tuple[str, ...]) -> Callable:
+def _compared(function: Callable, *static: str) -> Callable:
     """Return ``function`` compiled, but for first calls, which run operation by operation."""
-    program = _plain(function, static)
+    program = _plain(function, *static)
     name = f"{function.__module__.removeprefix('fitting.')}.{function.__name__.strip('_')}"
 
     @functools.wraps(function)
