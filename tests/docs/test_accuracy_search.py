@@ -1,5 +1,8 @@
 """Small runs of the accuracy search and of the study of jit; places that searches found."""
 
+import subprocess
+import sys
+
 import gmpy2
 import jax
 import jax.numpy as jnp
@@ -176,6 +179,15 @@ def test_the_study_of_jit_sees_one_wrong_row(monkeypatch):
     assert shares([100]) <= 1.0
     monkeypatch.setattr(jit_study, "compiled", wrong)
     assert shares([100]) > 100.0
+
+
+def test_the_study_of_jit_reaches_the_programs_of_the_fits():
+    """In a process of its own, in which it replaces what compiles before `fitting` is imported."""
+    options = ["--only", "fit of one bare surface", "--points", "100"]
+    command = [sys.executable, "-m", "benchmarks.studies.jit_study", *options]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert "program problem.programs.linearised" in done.stdout
 
 
 # Found by the accuracy search; R_s, R_p, the absorptions by the cosine. In total reflection by a
