@@ -84,8 +84,9 @@ class Said(NamedTuple):
     @classmethod
     def by(cls, found: Fit, truth: tuple[Any, Any]) -> Said:
         """Return what a fit says, or a batch of them; truth: eta and k."""
-        each = [holds(m.parameters, *truth) for m in (found, *found.others)]
-        eta, k = (found.parameters[name].value for name in ("eta", "k"))
+        every = found.parameters
+        each = [holds({**every, **m.parameters}, *truth) for m in (found, *found.others)]
+        eta, k = (every[name].value for name in ("eta", "k"))
         return cls(*map(np.atleast_1d, (
             found.status, eta, k, lowest(found), has_second(found), found.n_data, found.evaluations,
             np.full(found.shape, "k" not in found.names),
