@@ -145,7 +145,7 @@ def arrays_of(given: Mapping[str, Any], sigma: Any, angles_deg: Any, wavelength_
 def start_of(
     start: Mapping[str, Any] | None, near: FitData | None, shape: tuple[int, ...]
 ) -> dict[str, np.ndarray] | None:
-    """Return values of parameters to begin from, () or (N,) each."""
+    """Return values of parameters to begin from: (K, N) each, K starts of N curves."""
     if near is None and start is None:
         return None
     if near is not None:
@@ -166,14 +166,15 @@ def start_of(
     out = {}
     for name, value in known.items():
         try:
-            array = np.broadcast_to(np.asarray(value, float), shape).reshape(-1)
+            array = np.asarray(value, float) + np.zeros(shape)
         except (TypeError, ValueError):
             raise ValueError(
                 f"the start of {name} is {str(value)[:40]}, of the shape {np.shape(value)}; a real "
                 f"number, or an array of them of the shape {shape}, was wanted."
             ) from None
         # Where the other fit has no value its middle one serves.
-        out[name] = np.where(np.isfinite(array), array, np.nanmedian(array))
+        array = np.where(np.isfinite(array), array, np.nanmedian(array))
+        out[name] = array.reshape(-1, max(int(np.prod(shape)), 1))
     return out
 
 
@@ -184,7 +185,6 @@ def pattern_of(
     middle = {"psi": (20.0, 70.0), "delta": (60.0, 300.0), "delta_folded": (60.0, 120.0)}
     rows = len(angle_deg)
     values: dict[str, Any] = {q: np.linspace(*middle.get(q, (0.2, 0.8)), rows) for q in curves}
-    errors = {q: 1e-3 for q in curves} if sigma else None
     return Measurement.from_columns(
-        angle_deg, wavelength_um, sigma=errors, source="the arrays", **values
+        angle_deg, wavelength_um, sigma=1e-3 if sigma else None, source="the arrays", **values
     )

@@ -145,7 +145,7 @@ def fit_many(
         intervals: as for `fit`, but "quadratic" by default, since profile likelihood takes 1 ms of
             processor time more for each curve of a bare surface ("auto" half of that).
         start: name -> value, or array of the batch shape, of every fitted parameter, from which all
-            curves begin.
+            curves begin; of several starts each, with an axis for these in front.
         near: a `Fit` of one such curve, or of a batch of this shape, from which curves begin.
         check: how many curves are searched afresh in a round; 0 with ``start`` or ``near``: none.
         seed: of the choice of these.
@@ -222,7 +222,7 @@ def _fit_curves(
 ) -> FitData:  # fmt: skip
     """Return the fits of values (N, M) by quantity, of batch shape ``shape``; see `fit_many`.
 
-    near: name -> values (N,) of parameters, from which all curves begin.
+    near: name -> values (K, N) of parameters, from which all curves begin.
     """
     some = angle_deg if angle_deg.ndim == 1 else np.linspace(10.0, 80.0, angle_deg.shape[1])
     pattern = pattern_of(curves, sigma, some, wavelength_um)
@@ -254,7 +254,8 @@ def _fit_curves(
                     f"the start of {name} holds {near[name].min():g} to {near[name].max():g}; "
                     f"{w.low:g} to {w.high:g} was wanted."
                 )
-        search.run(batch.y_of({n: v[every] for n, v in near.items()}), every)
+        y = batch.y_of({n: v[:, every] for n, v in near.items()})
+        search.run(y.reshape(len(y), -1), np.tile(every, y.shape[1]))
     if of_bare_surface(search):
         search_surface(search)
         return _result(search, shape, sample, known)

@@ -130,6 +130,9 @@ def test_a_wrong_fringe_order_of_near_is_found_out():
     assert (np.abs(there.parameters["thickness_nm"].value - thickness) > 50.0).all()
     found = fit_many(0.0, WAVES, **options, start=wrong, check=2)
     np.testing.assert_allclose(found.parameters["thickness_nm"].value, thickness, atol=5.0)
+    several = {**wrong, "thickness_nm": np.stack([np.full(6, 690.0), thickness + 5.0])}
+    both = fit_many(0.0, WAVES, **options, start=several, check=0)
+    np.testing.assert_allclose(both.parameters["thickness_nm"].value, thickness, atol=5.0)
 
 
 @pytest.mark.study
