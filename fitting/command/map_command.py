@@ -77,7 +77,6 @@ def run_map(arguments: Any, options: Mapping[str, Any]) -> int:
         from fitting.maps import map_page
         from fitting.maps.cube import open_cube
         from fitting.maps.map_fit import fit_map
-        from fitting.maps.map_store import MapStore
         from fitting.output import files, pictures
         from fitting.output.summary import rows_aligned
 
@@ -99,17 +98,16 @@ def run_map(arguments: Any, options: Mapping[str, Any]) -> int:
             found = fit_map(
                 file, arguments.sample, arguments.out, client=client, shared=shared, **data, **more
             )
-        store = MapStore(arguments.out)
         if not arguments.quiet:
             say(f"{arguments.out}: {found.attrs['sample']}; {found.attrs['read']}\n")
-            say("\n".join(rows_aligned(map_page.status_rows(store))) + "\n")
+            say("\n".join(rows_aligned(map_page.counts(found, "status"))) + "\n")
         if arguments.plot:
-            content: Any = map_page.plot_map(found)
             if as_page:
                 cube = open_cube(file, **data, spectrum="wavelength" in found["status"].dims)
-                content = map_page.map_page(store, cube, content, arguments.command)
+                content: Any = map_page.map_page(found, cube, arguments.command)
             else:
-                content = pictures.picture_bytes(content, Path(arguments.plot).suffix)
+                suffix = Path(arguments.plot).suffix
+                content = pictures.picture_bytes(map_page.plot_map(found), suffix)
             files.write_whole({Path(arguments.plot): content})
     failed = found.attrs["failed_blocks"]
     for pixels in failed:
