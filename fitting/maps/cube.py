@@ -5,7 +5,6 @@ Every input, an array of the caller or a file, is an xarray DataArray that is re
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import math
 import os
@@ -15,9 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.batch_arrays import without_refused
+from fitting.data.measurement import Measurement
 from fitting.data.quantities import QUANTITIES
-from fitting.data.units import WAVELENGTH_UNITS, incidence_deg, span_of, wavelength_um
-from fitting.maps.map_store import MASKED, PENDING, STATUS, package
+from fitting.data.units import span_of
+from fitting.maps.map_store import MASKED, PENDING, STATUS, opened_once, package
 from fitting.output.summary import counted
 from fitting.reader.names import unit_of
 from fitting.results.result_parts import NO_DATA, REFUSED
@@ -45,16 +45,18 @@ def grid_of(shape: tuple[int, ...]) -> tuple[slice, ...]:
 class Cube(NamedTuple):
     """A cube that can be read.
 
-    data: xarray Dataset of data and, along some of its axes, sigma and mask, with the coordinates
-    of the pixels. sigma: as `fit_many` takes it, where it is no array. pixels: names of their axes.
-    quantity: (Q,) names. angle_deg: of the M points, (M,). wavelength_um: (M,), or one number, NaN
-    where the wavelengths are an axis of pixels. source: when a path was written, and all
-    arguments of `open_cube`; None if one is an array.
+    data: xarray Dataset of data, mask and, if it is an array, sigma, with the coordinates of the
+    pixels. sigma: as `fit_many` takes it, where it is no array. pixels: names of their axes.
+    shape, chunks: of the input, along these. quantity: (Q,) names. angle_deg: (M,), of the points.
+    wavelength_um: (M,), or one number, NaN where the wavelengths are an axis of pixels. source:
+    when a path was written, and all arguments of `open_cube`; None if one is an array.
     """
 
     data: Any
     sigma: Any
     pixels: tuple[str, ...]
+    shape: tuple[int, ...]
+    chunks: tuple[int, ...]
     quantity: tuple[str, ...]
     angle_deg: np.ndarray
     wavelength_um: Any
@@ -62,40 +64,31 @@ class Cube(NamedTuple):
 
     def __reduce__(self) -> Any:
         """In another process, that of a path is opened again; another one goes there as it is."""
-        return (_opened_once, self.source) if self.source else (Cube, tuple(self))
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """How many pixels there are along each axis."""
-        return tuple(self.data.sizes[a] for a in self.pixels)
+        return (opened_once, (open_cube, *self.source)) if self.source else (Cube, tuple(self))
 
     def block(self, index: tuple[slice, ...]) -> Block:
         """Return the curves of some pixels, NaN in those that are not to be fitted."""
-        part = self.data.isel(dict(zip(self.pixels, index, strict=True)))
-        every = *self.pixels, *(a for a in POINTS if a not in self.pixels)
-        shape = tuple(part.sizes.get(a, 1) for a in every)
-        count = shape[: len(index)]
-
-        def by_quantity(name: str) -> dict[str, np.ndarray]:
-            whole = np.broadcast_to(part[name].variable.set_dims(every).values, shape)
-            whole = whole.astype(float).reshape(*count, len(self.quantity), -1)
-            return {q: whole[..., i, :] for i, q in enumerate(self.quantity)}
-
         try:
-            values, sigma = by_quantity("data"), self.sigma
-            if each := "sigma" in part:
-                sigma = by_quantity("sigma")
-            masked = np.zeros(count, bool)
-            if "mask" in part:
-                masked |= part["mask"].variable.set_dims(self.pixels).values.astype(bool)
+            part = self.data.isel(dict(zip(self.pixels, index, strict=True))).load()
         except (OSError, ValueError, RuntimeError, KeyError) as error:
             raise ValueError(
                 f"the pixels {text_of(index)} of the input cannot be read ({error}). The blocks "
                 "that are done stay; run the same again when the input is whole."
             ) from error
-        values = {q: np.where(masked[..., None], np.nan, v) for q, v in values.items()}
+        every = *self.pixels, *(a for a in POINTS if a not in self.pixels)
+        shape = tuple(part.sizes.get(a, 1) for a in every)
+        count = shape[: len(index)]
+
+        def by_quantity(array: Any) -> dict[str, np.ndarray]:
+            whole = np.broadcast_to(array.variable.set_dims(every).values, shape)
+            whole = whole.astype(float).reshape(*count, len(self.quantity), -1)
+            return {q: whole[..., i, :] for i, q in enumerate(self.quantity)}
+
+        masked = np.broadcast_to(part["mask"].variable.set_dims(self.pixels).values, count) != 0
+        values = by_quantity(part["data"].where(part["mask"] == 0))
+        sigma = by_quantity(part["sigma"]) if "sigma" in part else self.sigma
         values, sigma, reasons = without_refused(values, sigma, whole=True)
-        if each:  # a datum without a standard error is left out
+        if "sigma" in part:  # a datum without a standard error is left out
             values = {q: np.where(np.isfinite(sigma[q]), v, np.nan) for q, v in values.items()}
             sigma = {q: np.where(np.isfinite(values[q]), s, 1.0) for q, s in sigma.items()}
         status = np.full(count, STATUS[NO_DATA])
@@ -110,19 +103,17 @@ class Cube(NamedTuple):
 
         Not of all values: reading them would take as long as fitting them.
         """
-        (values, sigma, _), each = self.block(grid_of(self.shape)), "sigma" in self.data
-        whole = self.data.drop_vars(["data", "sigma"], errors="ignore").variables
-        axes = self.pixels, self.shape, self.quantity, "" if each else sigma
-        out = hashlib.sha256(repr(axes).encode())
-        for array in (self.angle_deg, self.wavelength_um, *(v.values for v in whole.values()),
-                      *values.values(), *(sigma.values() if each else ())):  # fmt: skip
-            out.update(np.ascontiguousarray(array).tobytes())
-        return out.hexdigest()
+        values, sigma, _ = self.block(grid_of(self.shape))
+        known = self.data.drop_vars(["data", "sigma"], errors="ignore").variables.values()
+        arrays = [self.angle_deg, self.wavelength_um, *known, *values.values()]
+        arrays += sigma.values() if "sigma" in self.data else []
+        text = repr((self.pixels, self.shape, self.quantity, self.sigma)).encode()
+        return hashlib.sha256(text + b"".join(np.asarray(a).tobytes() for a in arrays)).hexdigest()
 
     def __str__(self) -> str:
         parts = [" x ".join(f"{n} {a}" for n, a in zip(self.shape, self.pixels, strict=True)),
                  ", ".join(self.quantity)]  # fmt: skip
-        waves = self.data[WAVELENGTH] if WAVELENGTH in self.data.coords else self.wavelength_um
+        waves = self.data[WAVELENGTH] if WAVELENGTH in self.pixels else self.wavelength_um
         for name, of, unit in (("angle", self.angle_deg, "deg"), ("wavelength", waves, "um")):
             if np.isfinite(of).all():
                 parts.append(f"{counted(len(np.unique(of)), name)} {span_of(np.asarray(of), unit)}")
@@ -151,27 +142,24 @@ def lazy(array: Any, dims: Any, coords: Any = None) -> Any:
 
 def _arrays(path: Path) -> dict[str, Any]:
     """Return the arrays of a file by name, as DataArrays that are not loaded."""
-    xarray, kind = package("xarray"), path.suffix.lower()
+    xarray, kind, out = package("xarray"), path.suffix.lower(), {}
     if kind == ".hdr":
         image = package("spectral").open_image(os.fspath(path))
-        out = xarray.DataArray(image.open_memmap(interleave="bip"), dims=("y", "x", WAVELENGTH))
-        if image.bands.centers:
-            units = {"units": image.bands.band_unit}
-            out.coords[WAVELENGTH] = WAVELENGTH, image.bands.centers, units
-        return {"": out}
+        waves = WAVELENGTH, image.bands.centers, {"units": image.bands.band_unit}
+        coords, values = {WAVELENGTH: waves}, image.open_memmap(interleave="bip")
+        return {"": xarray.DataArray(values, coords if waves[1] else None, ("y", "x", WAVELENGTH))}
     if kind == ".npy":
         return {"": xarray.DataArray(np.load(path, mmap_mode="r"))}
-    arrays: dict[str, Any] = {}
     if kind in (".h5", ".hdf5", ".nxs", ".hdf"):
 
         def add(name: str, one: Any) -> None:
             if hasattr(one, "dtype"):
                 scales = {d.label: (d.label, d[0][...], {"units": d[0].attrs.get("units")})
                           for d in one.dims if d.label and len(d)}  # fmt: skip
-                arrays[name] = lazy(one, [d.label for d in one.dims], scales)
+                out[name] = lazy(one, [d.label for d in one.dims], scales)
 
         package("h5py").File(path, "r").visititems(add)
-        return arrays
+        return out
     node = package("zarr").open(os.fspath(path), mode="r")
     if hasattr(node, "shape"):
         return {"": lazy(node, node.metadata.dimension_names or (None,) * node.ndim)}
@@ -186,39 +174,24 @@ def _role(name: Any) -> str:
 
 
 def _axes(array: Any) -> tuple[str, ...]:
-    """Return what the axes of a DataArray are; () where none has a name."""
-    unnamed = all(str(d).startswith("dim_") for d in array.dims)
-    return () if unnamed else tuple(map(_role, array.dims))
+    """Return what the axes of an array are; () where none has a name."""
+    dims = getattr(array, "dims", ())
+    return () if all(str(d).startswith("dim_") for d in dims) else tuple(map(_role, dims))
 
 
-def _variable(array: Any, axes: tuple[str, ...]) -> Any:
-    """Return the values of a DataArray, which are not loaded, and its chunks, along named axes."""
-    out = array.variable.copy(deep=False)
-    chunks = {**out.encoding.get("preferred_chunks", {}), **out.chunksizes}
-    sizes = {a: int(np.max(chunks.get(d, 1))) for a, d in zip(axes, out.dims, strict=True)}
-    out.encoding, out.dims = {"preferred_chunks": sizes}, axes
-    return out
-
-
-def _numbers(kind: str, came: Any, unit: str) -> np.ndarray:
-    """Return angles in degrees, wavelengths in micrometres, or names of quantities, (N,)."""
-    values = np.atleast_1d(came)
-    if kind == QUANTITY:
-        names = [v.decode() if isinstance(v, bytes) else str(v) for v in values]
-        if stray := [n for n in names if n not in QUANTITIES]:
-            raise ValueError(f"the quantity {stray[0]!r} came; known are {', '.join(QUANTITIES)}.")
-        return np.asarray(names)
-    known = "cm-1" if unit.lower() == "wavenumber" else unit_of(unit)
-    if kind == ANGLE:
-        if unit and known not in ("deg", "rad"):
-            raise ValueError(f"the unit {unit!r} of the angles came; deg or rad was wanted.")
-        return incidence_deg(values.astype(float), known or "deg", values)
-    if known not in WAVELENGTH_UNITS:
-        raise ValueError(
-            f"the unit {unit!r} of the wavelengths came; one of {', '.join(WAVELENGTH_UNITS)} was "
-            "wanted, as the attribute units of the coordinate, or wavelength_um in micrometres."
-        )
-    return wavelength_um(values.astype(float), known)
+def _points(coords: dict[str, tuple[Any, str]]) -> dict[str, Any]:
+    """Return quantities, degrees and micrometres (NaN for none) of values and their units."""
+    (names, _), (angle, deg), (waves, um) = (coords.get(k, ([np.nan], "")) for k in POINTS)
+    quantity = [n.decode() if isinstance(n, bytes) else str(n) for n in names]
+    some: dict[str, Any] = {q: np.linspace(0.2, 0.8, len(angle) * len(waves)) for q in quantity}
+    um = "cm-1" if um.lower() == "wavenumber" else unit_of(um) or um
+    m = Measurement.from_columns(
+        np.repeat(angle, len(waves)), np.tile(waves, len(angle)), **some,
+        angle_unit=unit_of(deg) or deg or "deg", wavelength_unit=um or None,
+        source="the coordinates of the data, and their attributes units",
+    )  # fmt: skip
+    angle = m.angle_deg[: len(angle) * len(waves) : len(waves)]
+    return {QUANTITY: quantity, ANGLE: angle, WAVELENGTH: m.wavelength_um[: len(waves)]}
 
 
 def open_cube(
@@ -243,73 +216,70 @@ def open_cube(
         name = next(iter(arrays)) if dataset is None and len(arrays) == 1 else dataset
         if name not in arrays:
             came = "several arrays" if name is None else f"the name {name!r}"
-            names = ", ".join(arrays)
-            raise ValueError(f"{path}: {came} came; name one of {names} by --dataset.")
+            raise ValueError(f"{path}: {came} came; name one of {', '.join(arrays)} by --dataset.")
         array = arrays[name]
         if all(isinstance(a, str | float | int | None) for a in (sigma, mask)):
             source = os.stat(path).st_mtime_ns, path, sigma, mask, dataset, *points, spectrum
     elif not hasattr(data, "dims"):
         raise ValueError(f"{type(data).__name__} came; a DataArray or a path was wanted.")
-    shape, axes = array.shape, _axes(array)
-    coords = {QUANTITY: np.asarray([array.name])} if array.name in QUANTITIES else {}
+
+    coords: dict[str, Any] = {QUANTITY: ([array.name], "")} if array.name in QUANTITIES else {}
     for name, c in array.coords.items():
         if (kind := _role(name)) in POINTS and c.ndim < 2:
-            unit = str(c.attrs.get("units") or str(name).partition("_")[2]).strip()
-            coords[kind] = _numbers(kind, c.values, unit)
-    for kind, came, unit in zip(POINTS, points, ("", "deg", "um"), strict=True):
-        if came is not None:
-            coords[kind] = _numbers(kind, came, unit)
+            unit = c.attrs.get("units") or str(name).partition("_")[2]
+            coords[kind] = np.atleast_1d(c.values), str(unit)
+    given = zip(POINTS, points, ("", "deg", "um"), strict=True)
+    coords |= {kind: (came, unit) for kind, came, unit in given if came is not None}
+    axes = _axes(array)
     if not axes:  # pixels first, then the axes of which several coordinates are given
-        last = [k for k in POINTS if len(coords.get(k, ())) > 1]
-        count = max(len(shape) - len(last), 0)
-        first = ("y", "x") if count == 2 else tuple(f"pixel_{i}" for i in range(count))
-        axes = *first, *last
-    for kind, option in ((QUANTITY, "quantity"), (ANGLE, "angle_deg")):
-        if kind not in coords:
+        last = [k for k in POINTS if k in coords and len(coords[k][0]) > 1]
+        count = max(array.ndim - len(last), 0)
+        axes = *(("y", "x") if count == 2 else (f"pixel_{i}" for i in range(count))), *last
+    for kind, option in zip(POINTS, ("quantity", "angle_deg", "wavelength_um"), strict=True):
+        if kind not in coords and (kind in axes or kind != WAVELENGTH):
             flag = option.replace("_", "-")
             raise ValueError(f"no {kind} came with the data; give {option} (--{flag}).")
-    pixels, variables = [a for a in axes if a not in POINTS], {}
-    beside = {"sigma": sigma if isinstance(sigma, str) or np.ndim(sigma) else None, "mask": mask}
-    for name, came in {"data": array, **beside}.items():
+    coords = _points(coords)
+    angle, waves = coords[ANGLE], coords[WAVELENGTH]
+
+    pixels = [a for a in axes if a not in POINTS]
+    variables: dict[str, Any] = {"mask": ((), False)}
+    several = sigma if isinstance(sigma, str) or np.ndim(sigma) else None
+    for name, came in {"data": array, "sigma": several, "mask": mask}.items():
         if isinstance(came, str) and came not in arrays:
             raise ValueError(f"{name} is {came!r}, which the file does not hold.")
-        came = arrays[came] if isinstance(came, str) else came
         if came is not None:
-            came = came if hasattr(came, "dims") else xarray.DataArray(came)
-            variables[name] = came, _axes(came) or (axes if came.ndim == len(axes) else pixels)
+            came = arrays[came] if isinstance(came, str) else came
+            unnamed = axes if np.ndim(came) == len(axes) else pixels
+            variables[name] = _axes(came) or unnamed, came
     try:
         places = {n: (n, v) for n, v in coords.items() if n in axes or len(v) > 1}
         places |= {n: array.coords[n].variable for n in pixels if n in array.coords}
-        variables = {n: _variable(*v) for n, v in variables.items()}
-        whole = xarray.Dataset(variables, places)
+        whole = xarray.Dataset({n: xarray.Variable(*v) for n, v in variables.items()}, places)
         if stray := [str(a) for a in whole.dims if a not in axes]:
             raise ValueError(f"there are several of {stray[0]}, which is no axis of the data")
     except ValueError as error:
         raise ValueError(
-            f"the data have the shape {shape} along {', '.join(axes)}: {error}. Axes of pixels "
-            "first, then quantity, angle and wavelength where there are several, were wanted."
+            f"the data have the shape {array.shape} along {', '.join(axes)}: {error}. Wanted "
+            "were axes of pixels, then quantity, angle and wavelength where there are several."
         ) from error
     if spectrum and WAVELENGTH in axes:
         pixels.append(WAVELENGTH)
         whole[WAVELENGTH].attrs["units"] = "um"
-        del coords[WAVELENGTH]
+        waves = np.array([np.nan])
     if not pixels:
         raise ValueError("the data have no axis of pixels; fit_many takes arrays of curves.")
-    waves = coords.get(WAVELENGTH, np.array([np.nan]))
+    chunks = {**array.encoding.get("preferred_chunks", {}), **array.chunksizes}
+    chunk_of = {a: int(np.max(chunks.get(d, 1))) for a, d in zip(axes, array.dims, strict=True)}
     return Cube(
         data=whole.drop_vars([a for a in POINTS if a not in pixels], errors="ignore"),
         sigma=None if "sigma" in whole else sigma, pixels=tuple(pixels),
-        quantity=tuple(map(str, coords[QUANTITY])),
-        angle_deg=np.repeat(coords[ANGLE], len(waves)),
-        wavelength_um=np.tile(waves, len(coords[ANGLE])) if len(waves) > 1 else float(waves[0]),
+        shape=tuple(whole.sizes[a] for a in pixels),
+        chunks=tuple(chunk_of[a] for a in pixels), quantity=tuple(coords[QUANTITY]),
+        angle_deg=np.repeat(angle, len(waves)),
+        wavelength_um=np.tile(waves, len(angle)) if len(waves) > 1 else float(waves[0]),
         source=source,
     )  # fmt: skip
-
-
-@functools.lru_cache(4)
-def _opened_once(written_ns: int, *source: Any) -> Cube:
-    """Return the cube of a path, opened once in a process for each time that it was written."""
-    return open_cube(*source)
 
 
 def block_shape(cube: Cube, curves: int) -> tuple[int, ...]:
@@ -317,8 +287,7 @@ def block_shape(cube: Cube, curves: int) -> tuple[int, ...]:
 
     The last axes are taken whole, as files store them.
     """
-    chunks = cube.data["data"].encoding["preferred_chunks"]
-    block = [min(chunks[a], n) for a, n in zip(cube.pixels, cube.shape, strict=True)]
+    block = [min(c, n) for c, n in zip(cube.chunks, cube.shape, strict=True)]
     for axis in range(len(block)):  # a chunk of more curves is cut, and read several times
         block[axis] = max(1, min(block[axis], block[axis] * curves // math.prod(block)))
     for axis in reversed(range(len(block))):

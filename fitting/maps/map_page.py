@@ -19,11 +19,6 @@ from fitting.output.pictures import draw, picture_bytes
 _MOST, _WORST = 1000, 4
 
 
-def _fitted(maps: Any) -> list[str]:
-    """Return the names of the fitted parameters."""
-    return [name for name in maps if f"{name}_sigma" in maps]
-
-
 def plot_map(dataset: Any) -> Any:
     """Return a matplotlib Figure of a map that `fit_map` returned.
 
@@ -35,7 +30,8 @@ def plot_map(dataset: Any) -> Any:
     from matplotlib.colors import ListedColormap
     from matplotlib.figure import Figure
 
-    names = [*(n + end for n in _fitted(dataset) for end in ("", "_sigma")), "chi2", "status"]
+    fitted = (name for name in dataset if f"{name}_sigma" in dataset)
+    names = [*(name + end for name in fitted for end in ("", "_sigma")), "chi2", "status"]
     of_status = {
         "cmap": ListedColormap([*STATUSES.values()]), "vmin": -0.5, "vmax": len(STATUSES) - 0.5,
         "cbar_kwargs": {"ticks": range(len(STATUSES)), "format": lambda i, _: [*STATUSES][i]},
@@ -100,7 +96,7 @@ def map_page(maps: Any, cube: Cube, command: str) -> str:
     ]
     for pixel in _worst(maps["chi2"]):
         block = cube.block(tuple(slice(i, i + 1) for i in pixel))
-        start = {n: float(maps[n][pixel]) for n in _fitted(maps)}
+        start = {n: float(maps[n][pixel]) for n in maps if f"{n}_sigma" in maps}
         fit = fit_pixels(known, cube, block, start=start, check=0)[(0,) * len(pixel)]
         flat: dict[str, Any] = {q: v.ravel() for q, v in block[0].items()}
         m = Measurement.from_columns(

@@ -13,7 +13,7 @@ import importlib.util
 import json
 import os
 import socket
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ STATUSES = {PENDING: "#ffffff", parts.CONVERGED: "#009E73", parts.UNDETERMINED: 
             parts.NOT_CONVERGED: "#D55E00", parts.NO_DATA: "#bbbbbb", parts.REFUSED: "#CC79A7",
             MASKED: "#595959", parts.MISFIT: "#56B4E9"}  # fmt: skip
 STATUS = {name: np.uint8(i) for i, name in enumerate(STATUSES)}
-# A warning that maps alone have: the fringe order of a pixel is in doubt.
+# A warning that maps alone have: a search afresh met a lower minimum than that of the grid.
 ORDER = "fringe_order"
 BITS = {code: np.uint64(1 << i) for i, code in enumerate((*SENTENCES, ORDER))}
 ENDS = {"": "", "_sigma": "standard error of ", "_lower": "95 % interval begins: ",
@@ -43,16 +43,18 @@ def package(name: str) -> Any:
     return importlib.import_module(name)
 
 
-class MapStoreError(ValueError):
-    """A store cannot be used or written; the text says why, and what to do."""
+@functools.lru_cache(8)
+def opened_once(kind: Callable[..., Any], written_ns: int, *source: Any) -> Any:
+    """Return a store or a cube of a path, opened once in a process each time it was written."""
+    return kind(*source)
 
 
 @contextlib.contextmanager
 def lock(out: Path) -> Iterator[None]:
-    """Be the only process that fits into a store; refuse where another one is, by its name.
+    """Be the only process that fits into a store, or refuse and name the other one.
 
-    The system releases the lock of a process that dies. Where it has no such locks nothing is
-    refused; two processes would write the same.
+    The system releases the lock of a process that dies. Where it has no locks nothing is refused;
+    two processes would write the same.
     """
     file = out.with_name(f"{out.name}.lock")
     with open(file, "a+", encoding="utf-8") as handle:
@@ -62,7 +64,7 @@ def lock(out: Path) -> Iterator[None]:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             handle.seek(0)
-            raise MapStoreError(
+            raise ValueError(
                 f"{out}: {handle.read()} is fitting into this store. Wait for its end, or stop it."
             ) from None
         except (ImportError, OSError):
@@ -86,11 +88,11 @@ class MapStore:
         names = [*(name + end for name in units for end in ENDS), "chi2", "warnings", "status"]
         self.arrays: dict[str, Any] = {name: self.group[name] for name in names}
         self.shape, self.block = self.arrays["status"].shape, self.arrays["status"].chunks
-        self.blocks = tuple(-(-n // b) for n, b in zip(self.shape, self.block, strict=True))
 
     def __reduce__(self) -> Any:
         """In another process the store is opened again."""
-        return _opened_once, (os.stat(self.path / "zarr.json").st_mtime_ns, self.path)
+        written_ns = os.stat(self.path / "zarr.json").st_mtime_ns
+        return opened_once, (MapStore, written_ns, self.path)
 
     def index(self, place: tuple[int, ...]) -> tuple[slice, ...]:
         """Return the pixels of a block, by its place in the grid of blocks."""
@@ -104,12 +106,8 @@ class MapStore:
 
     def missing(self) -> list[tuple[int, ...]]:
         """Return the places of the blocks that are not done."""
-        return [place for place in np.ndindex(*self.blocks) if not self.done(place)]
-
-    def blocks_of(self, name: str) -> Iterator[tuple[tuple[slice, ...], np.ndarray]]:
-        """Yield the pixels and the values of an array, block by block."""
-        for index in map(self.index, np.ndindex(*self.blocks)):
-            yield index, self.arrays[name][index]
+        blocks = (-(-n // b) for n, b in zip(self.shape, self.block, strict=True))
+        return [place for place in np.ndindex(*blocks) if not self.done(place)]
 
     def write(self, place: tuple[int, ...], values: Mapping[str, np.ndarray]) -> None:
         """Write a block; its status last."""
@@ -125,35 +123,25 @@ class MapStore:
         return found
 
 
-@functools.lru_cache(4)
-def _opened_once(written_ns: int, path: Path) -> MapStore:
-    """Return an open store, opened once in a process for each time that its head was written."""
-    return MapStore(path)
-
-
 def begun(out: Path, wanted: Mapping[str, Any]) -> bool:
-    """Return whether a store is at a path; raise MapStoreError where it is of something else."""
-    if not out.exists() or not any(out.iterdir() if out.is_dir() else [out]):
-        return False
-    try:
+    """Return whether a store is at a path; raise ValueError where it is of something else."""
+    known: dict[str, Any] = {}
+    with contextlib.suppress(FileNotFoundError, NotADirectoryError, KeyError, ValueError):
         known = package("zarr").open_group(out, mode="r").attrs.asdict()
-    except (FileNotFoundError, NotADirectoryError, KeyError, ValueError):
-        known = {}
-    if "fresnel_map" not in known:
-        raise MapStoreError(f"{out}: it exists, and is no map of this program; name another one.")
-    if known["fresnel_map"] != "whole":
+    if "fresnel_map" not in known and out.exists() and (out.is_file() or any(out.iterdir())):
+        raise ValueError(f"{out}: it exists, and is no map of this program; name another one.")
+    if known.get("fresnel_map") != "whole":
         return False
-    for name in ("sample", "options", "input"):
-        came, held = json.loads(json.dumps(wanted[name])), known[name]
-        if came == held:
-            continue
+    for name, came in json.loads(json.dumps(wanted)).items():
+        held = known[name]
         if name == "options":
             came = {n: v for n, v in came.items() if v != held.get(n)}
             held = {n: held.get(n) for n in came}
-        text = "" if name == "input" else f": {held}, and {came} came"
-        raise MapStoreError(
-            f"{out}: it is a map with other {name}{text}. Name another store, or delete it."
-        )
+        if came != held:
+            text = "" if name == "input" else f": {held}, and {came} came"
+            raise ValueError(
+                f"{out}: it is a map with other {name}{text}. Name another store, or delete it."
+            )
     return True
 
 
