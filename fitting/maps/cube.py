@@ -17,15 +17,12 @@ from fitting.batch_arrays import without_refused
 from fitting.data.measurement import Measurement
 from fitting.data.quantities import QUANTITIES
 from fitting.data.units import span_of
-from fitting.maps.map_store import MASKED, PENDING, STATUS, opened_once, package
+from fitting.maps.map_store import MASKED, PENDING, STATUS, package
 from fitting.output.summary import counted
 from fitting.reader.names import unit_of
 from fitting.results.result_parts import NO_DATA, REFUSED
 
 QUANTITY, ANGLE, WAVELENGTH = POINTS = ("quantity", "angle", "wavelength")
-# Values (pixels..., M) by quantity, errors as `fit_many` takes them, and the status (pixels...) of
-# what is not fitted: no data, refused, masked; else pending.
-Block = tuple[dict[str, np.ndarray], Any, np.ndarray]
 # At most so many pixels, on a grid, stand for the map: in its fingerprint, and at its start.
 GRID_PIXELS = 64
 
@@ -48,8 +45,8 @@ class Cube(NamedTuple):
     data: xarray Dataset of data, mask and, if it is an array, sigma, with the coordinates of the
     pixels. sigma: as `fit_many` takes it, where it is no array. pixels: names of their axes.
     shape, chunks: of the input, along these. quantity: (Q,) names. angle_deg: (M,), of the points.
-    wavelength_um: (M,), or one number, NaN where the wavelengths are an axis of pixels. source:
-    when a path was written, and all arguments of `open_cube`; None if one is an array.
+    wavelength_um: (M,), or one number, NaN where the wavelengths are an axis of pixels. source: by
+    which a worker opens a path again (`opened_once`); None if some argument is an array.
     """
 
     data: Any
@@ -62,12 +59,9 @@ class Cube(NamedTuple):
     wavelength_um: Any
     source: tuple[Any, ...] | None
 
-    def __reduce__(self) -> Any:
-        """In another process, that of a path is opened again; another one goes there as it is."""
-        return (opened_once, (open_cube, *self.source)) if self.source else (Cube, tuple(self))
-
-    def block(self, index: tuple[slice, ...]) -> Block:
-        """Return the curves of some pixels, NaN in those that are not to be fitted."""
+    def block(self, index: tuple[slice, ...]) -> tuple[dict[str, Any], np.ndarray]:
+        """Return curves as arguments of `fit_many`, and the status of each: pending, or why it is
+        not fitted and has NaN."""
         try:
             part = self.data.isel(dict(zip(self.pixels, index, strict=True))).load()
         except (OSError, ValueError, RuntimeError, KeyError) as error:
@@ -96,17 +90,18 @@ class Cube(NamedTuple):
         if reasons is not None:
             status[reasons != ""] = STATUS[REFUSED]
         status[masked] = STATUS[MASKED]
-        return values, sigma, status
+        points = {"angles_deg": self.angle_deg, "wavelength_um": self.wavelength_um}
+        return {**points, **values, "sigma": sigma}, status
 
     def fingerprint(self) -> str:
         """Return a hash of axes, coordinates, mask, and of the values and errors on the grid.
 
         Not of all values: reading them would take as long as fitting them.
         """
-        values, sigma, _ = self.block(grid_of(self.shape))
-        known = self.data.drop_vars(["data", "sigma"], errors="ignore").variables.values()
-        arrays = [self.angle_deg, self.wavelength_um, *known, *values.values()]
-        arrays += sigma.values() if "sigma" in self.data else []
+        curves, _ = self.block(grid_of(self.shape))
+        errors = curves.pop("sigma") if "sigma" in self.data else {}
+        known = self.data.drop_vars(["data", "sigma"], errors="ignore").variables
+        arrays = [a for arrays in (known, curves, errors) for a in arrays.values()]
         text = repr((self.pixels, self.shape, self.quantity, self.sigma)).encode()
         return hashlib.sha256(text + b"".join(np.asarray(a).tobytes() for a in arrays)).hexdigest()
 
@@ -219,7 +214,8 @@ def open_cube(
             raise ValueError(f"{path}: {came} came; name one of {', '.join(arrays)} by --dataset.")
         array = arrays[name]
         if all(isinstance(a, str | float | int | None) for a in (sigma, mask)):
-            source = os.stat(path).st_mtime_ns, path, sigma, mask, dataset, *points, spectrum
+            more = path, sigma, mask, dataset, *points, spectrum
+            source = open_cube, os.stat(path).st_mtime_ns, *more
     elif not hasattr(data, "dims"):
         raise ValueError(f"{type(data).__name__} came; a DataArray or a path was wanted.")
 
@@ -228,17 +224,17 @@ def open_cube(
         if (kind := _role(name)) in POINTS and c.ndim < 2:
             unit = c.attrs.get("units") or str(name).partition("_")[2]
             coords[kind] = np.atleast_1d(c.values), str(unit)
-    given = zip(POINTS, points, ("", "deg", "um"), strict=True)
-    coords |= {kind: (came, unit) for kind, came, unit in given if came is not None}
-    axes = _axes(array)
+    axes, options = _axes(array), ("quantity", "angle_deg", "wavelength_um")
+    for kind, option, unit, came in zip(POINTS, options, ("", "deg", "um"), points, strict=True):
+        if came is not None:
+            coords[kind] = came, unit
+        elif kind not in coords and (kind in axes or kind != WAVELENGTH):
+            flag = "--" + option.replace("_", "-")
+            raise ValueError(f"no {kind} came with the data; give {option} ({flag}).")
     if not axes:  # pixels first, then the axes of which several coordinates are given
         last = [k for k in POINTS if k in coords and len(coords[k][0]) > 1]
         count = max(array.ndim - len(last), 0)
         axes = *(("y", "x") if count == 2 else (f"pixel_{i}" for i in range(count))), *last
-    for kind, option in zip(POINTS, ("quantity", "angle_deg", "wavelength_um"), strict=True):
-        if kind not in coords and (kind in axes or kind != WAVELENGTH):
-            flag = option.replace("_", "-")
-            raise ValueError(f"no {kind} came with the data; give {option} (--{flag}).")
     coords = _points(coords)
     angle, waves = coords[ANGLE], coords[WAVELENGTH]
 

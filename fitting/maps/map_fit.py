@@ -11,7 +11,6 @@ busy, or by the workers of a Dask cluster: by `fit_block`, submitted to an execu
 
 from __future__ import annotations
 
-import functools
 import itertools
 import os
 import time
@@ -26,7 +25,7 @@ import fitting
 from fitting.batches import fit_many
 from fitting.fit_result import Fit
 from fitting.maps import map_store
-from fitting.maps.cube import Block, Cube, block_shape, grid_of, open_cube, text_of
+from fitting.maps.cube import Cube, block_shape, grid_of, open_cube, text_of
 from fitting.maps.map_store import BITS, ENDS, ORDER, PENDING, STATUS, MapStore, package
 from fitting.process.progress import tell
 from fitting.process.start_up import cache_programs
@@ -44,23 +43,6 @@ _LOWER = 1e-3
 _FAR = 5.0
 # A scheduler that has no worker after so long is refused.
 WAIT_S = 30.0
-_keep_programs = functools.cache(cache_programs)
-
-
-def fit_pixels(known: Mapping[str, Any], cube: Cube, block: Block, **more: Any) -> Fit:
-    """Return the fits of some pixels with the sample, options and shared values of a map.
-
-    known: attributes of its store. more: what `fit_many` takes beside.
-    """
-    options = {n: v for n, v in known["options"].items() if n != "shared" and v is not None}
-    if held := {n: value for n, (value, _) in known["shared"].items()}:
-        options["fixed"] = {**options.get("fixed", {}), **held}
-        bounds = options.get("bounds", {})
-        options["bounds"] = {n: b for n, b in bounds.items() if n not in held}
-    return fit_many(
-        cube.angle_deg, cube.wavelength_um, **block[0], sigma=block[1], sample=known["sample"],
-        **{**options, **more},
-    )  # fmt: skip
 
 
 def _missed(found: Fit) -> np.ndarray:
@@ -79,33 +61,38 @@ def _minima(found: Fit) -> dict[str, np.ndarray]:
     return out
 
 
-def _begin(cube: Cube, known: Mapping[str, Any]) -> dict[str, Any]:
+def _begin(cube: Cube, sample: Sample, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return what all blocks begin with, as plain data for the attributes of the store.
 
-    known: sample and options. shared: name -> (value, standard error) of shared parameters. begin:
-    units of the others, by name; of well determined pixels of the grid: places (G, axes); starts,
-    name -> two minima (2, G), none of a bare surface, which needs no start; added, name -> the
-    variance (G,) by the errors of shared parameters; describes: whether the sample describes most
-    pixels.
+    shared: name -> (value, standard error) of shared parameters. fit: what `fit_many` takes beside
+    curves. begin: units of the fitted parameters; of the G pixels of the grid that are well
+    determined places (G, axes), starts (2, G), none of a bare surface, which needs no start, and
+    added (G,), the variance by the errors of shared parameters; describes: whether the sample
+    describes most of them.
     """
-    grid = grid_of(cube.shape)
-    block, shared, added = cube.block(grid), {}, {}
-    if not (good := block[2] == STATUS[PENDING]).any():
+    grid, shared, added = grid_of(cube.shape), {}, {}
+    curves, status = cube.block(grid)
+    if not (good := status == STATUS[PENDING]).any():
         raise ValueError(
             "none of the pixels on a grid over the map has a curve that can be fitted: all are "
             "masked, missing or out of range. Look at units (fractions, not percent) and the mask."
         )
-    found = fit_pixels({**known, "shared": shared}, cube, block)
-    if known["options"]["shared"]:
-        shared, added = _shared(found, known["options"]["shared"])
-        found = fit_pixels({**known, "shared": shared}, cube, block)
+    fit = {n: v for n, v in options.items() if n != "shared" and v is not None}
+    fit["sample"] = str(sample)
+    found = fit_many(**{**fit, **curves})
+    if options["shared"]:
+        shared, added = _shared(found, options["shared"])
+        fit["fixed"] = {**fit.get("fixed", {}), **{n: value for n, (value, _) in shared.items()}}
+        fit["bounds"] = {n: b for n, b in fit.get("bounds", {}).items() if n not in shared}
+        found = fit_many(**{**fit, **curves})
     determined = np.isin(found.status, DETERMINED) & np.isfinite([*added.values()]).all(0)
     good = determined if determined.any() else good
-    starts = {} if Sample.parse(known["sample"]).by_wavelength else _minima(found)
-    return {"shared": shared, "begin": {
+    return {"shared": shared, "fit": fit, "begin": {
         "units": {n: found.parameters[n].unit for n in found.names},
         "places": (np.argwhere(good) * [g.step for g in grid] + [g.start for g in grid]).tolist(),
-        "starts": {n: both[:, good].tolist() for n, both in starts.items()},
+        "starts": {} if sample.by_wavelength else {
+            n: both[:, good].tolist() for n, both in _minima(found).items()
+        },
         "added": {n: variance[good].tolist() for n, variance in added.items()},
         "describes": bool(_missed(found).mean() < 0.5),
     }}  # fmt: skip
@@ -156,17 +143,18 @@ def _nearest(places: Any, index: tuple[slice, ...]) -> Any:
     return KDTree(places).query(np.moveaxis(np.mgrid[index], 0, -1))[1]
 
 
-def _fitted(store: MapStore, index: Any, cube: Cube, block: Block) -> dict[str, np.ndarray]:
+def _fitted(store: MapStore, index: Any, curves: dict[str, Any]) -> dict[str, np.ndarray]:
     """Return the arrays of the store for a block, fitted from the starts of its map."""
-    known, begin, more, lower = store.attributes, store.attributes["begin"], {}, False
-    if begin["starts"]:
+    begin, fit, lower = store.attributes["begin"], store.attributes["fit"] | curves, False
+    if starts := begin["starts"]:
         nearest = _nearest(begin["places"], index)
-        starts = {n: np.array(both)[:, nearest] for n, both in begin["starts"].items()}
-        more = {"start": starts, "check": 0}
-    found = fit_pixels(known, cube, block, **more)
-    if more and begin["describes"] and _missed(found).any():  # the worst ones are searched afresh
-        cost, found = found.cost, fit_pixels(known, cube, block, start=_minima(found))
-        lower = found.cost < (1.0 - _LOWER) * cost
+        starts = {n: np.array(both)[:, nearest] for n, both in starts.items()}
+        found = fit_many(**{**fit, "start": starts, "check": 0})
+        if begin["describes"] and _missed(found).any():  # the worst ones are searched afresh
+            cost, found = found.cost, fit_many(**{**fit, "start": _minima(found)})
+            lower = found.cost < (1.0 - _LOWER) * cost
+    else:
+        found = fit_many(**fit)
     out = {"chi2": np.array(found.chi2_reduced), "warnings": np.zeros(found.shape, np.uint64)}
     out["status"] = np.vectorize(STATUS.get, otypes=[np.uint8])(found.status)
     out["warnings"][lower] |= BITS[ORDER]
@@ -186,20 +174,17 @@ def _fitted(store: MapStore, index: Any, cube: Cube, block: Block) -> dict[str, 
     return out
 
 
-def fit_block(worker: bool, store: MapStore, cube: Cube, block: Block | None, place: _Place) -> int:
-    """Fit a block, unless it is done, and return how many pixels it has.
+def fit_block(store: MapStore, source: Any, block: Any, place: _Place) -> int:
+    """Fit a block, if it is not done, and return how many pixels it has.
 
-    worker: whether compiled programs are shared with the other workers. block: None: read it here.
+    block: None: it is read here, from the ``source`` of a cube.
     """
-    if worker:
-        _keep_programs()
     index = store.index(place)
     if not store.done(place):
-        block = block or cube.block(index)
-        status = block[2]
+        curves, status = block or map_store.opened_once(*source).block(index)
         found = {"status": status, "warnings": np.zeros(status.shape, np.uint64)}
         if (pending := status == STATUS[PENDING]).any():
-            found = _fitted(store, index, cube, block)
+            found = _fitted(store, index, curves)
         found["status"] = np.where(pending, found["status"], status)
         found["warnings"][status == STATUS[REFUSED]] = BITS["refused"]
         store.write(place, found)
@@ -210,7 +195,7 @@ def fit_missing(store: MapStore, cube: Cube, client: Any) -> list[_Place]:
     """Fit the missing blocks of a store; return the places of those that killed their workers."""
     missing, begun, blocks, pixels = store.missing(), time.perf_counter(), 0, 0
     tell(total=len(missing), done=0)
-    executor, window, killed, sent = futures.ThreadPoolExecutor(2), 2, (), cube._replace(data=None)
+    executor, window, killed, source = futures.ThreadPoolExecutor(2), 2, (), None
     if client is not None:
         executor, killed = client.get_executor(pure=False), package("distributed").KilledWorker
         try:
@@ -220,8 +205,9 @@ def fit_missing(store: MapStore, cube: Cube, client: Any) -> list[_Place]:
                 f"{client.scheduler.address}: this scheduler has no worker; start some (dask "
                 "worker ADDRESS), and run the same again."
             ) from None
+        client.register_worker_callbacks(cache_programs)  # also of workers to come
         window = 2 * max(sum(client.nthreads().values()), 1)
-        sent = cube if cube.source else sent  # workers read a path themselves
+        source = cube.source
 
     def run(places: Iterable[_Place], window: int) -> list[_Place]:
         """Fit blocks, so many at a time; return the places of those that killed their workers."""
@@ -230,9 +216,8 @@ def fit_missing(store: MapStore, cube: Cube, client: Any) -> list[_Place]:
         try:
             while True:
                 for place in itertools.islice(left, window - len(running)):
-                    block = None if sent is cube else cube.block(store.index(place))
-                    task = fit_block, client is not None, store, sent, block, place
-                    running[executor.submit(*task)] = place
+                    block = None if source else cube.block(store.index(place))
+                    running[executor.submit(fit_block, store, source, block, place)] = place
                 if not running:
                     return failed
                 for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
@@ -336,7 +321,7 @@ def fit_map(
     try:
         with map_store.lock(path):
             if not map_store.begun(path, wanted):
-                started = _begin(cube, wanted)
+                started = _begin(cube, which, options)
                 map_store.create(path, cube, block_shape(cube, block), {
                     **wanted, **started, "title": f"Fits of {which}", "read": str(cube),
                     "failed_blocks": [], "versions": {

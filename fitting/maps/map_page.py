@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from fitting.batches import fit_many
 from fitting.data.drawing import check_matplotlib, style
 from fitting.data.measurement import Measurement
 from fitting.maps.cube import Cube
-from fitting.maps.map_fit import fit_pixels
 from fitting.maps.map_store import BITS, STATUS, STATUSES
 from fitting.output.page import document, element, figure, html_table
 from fitting.output.pictures import draw, picture_bytes
@@ -95,10 +95,10 @@ def map_page(maps: Any, cube: Cube, command: str) -> str:
         figure(every, picture_bytes(plot_map(maps), ".png")),
     ]
     for pixel in _worst(maps["chi2"]):
-        block = cube.block(tuple(slice(i, i + 1) for i in pixel))
+        curves, _ = cube.block(tuple(slice(i, i + 1) for i in pixel))
         start = {n: float(maps[n][pixel]) for n in maps if f"{n}_sigma" in maps}
-        fit = fit_pixels(known, cube, block, start=start, check=0)[(0,) * len(pixel)]
-        flat: dict[str, Any] = {q: v.ravel() for q, v in block[0].items()}
+        fit = fit_many(**{**known["fit"], **curves, "start": start, "check": 0})[(0,) * len(pixel)]
+        flat: dict[str, Any] = {q: curves[q].ravel() for q in cube.quantity}
         m = Measurement.from_columns(
             cube.angle_deg, cube.wavelength_um, source=f"pixel {pixel}", **flat
         )

@@ -51,16 +51,13 @@ def opened_once(kind: Callable[..., Any], written_ns: int, *source: Any) -> Any:
 
 @contextlib.contextmanager
 def lock(out: Path) -> Iterator[None]:
-    """Be the only process that fits into a store, or refuse and name the other one.
-
-    The system releases the lock of a process that dies. Where it has no locks nothing is refused;
-    two processes would write the same.
-    """
+    """Be the only process that fits into a store, or refuse and name the other one."""
     file = out.with_name(f"{out.name}.lock")
     with open(file, "a+", encoding="utf-8") as handle:
         try:
             import fcntl
 
+            # The system releases the lock of a process that dies.
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             handle.seek(0)
@@ -68,7 +65,7 @@ def lock(out: Path) -> Iterator[None]:
                 f"{out}: {handle.read()} is fitting into this store. Wait for its end, or stop it."
             ) from None
         except (ImportError, OSError):
-            pass
+            pass  # a system or a disk without locks: two processes would write the same
         handle.truncate(0)
         handle.write(f"process {os.getpid()} on {socket.gethostname()}")
         handle.flush()

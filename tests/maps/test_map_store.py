@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import fitting
 from fitting import fit_many, fit_map
 from fitting.maps import cube as cubes_of
 from fitting.maps.map_store import STATUSES, lock
+from fitting.process.progress import listening
 from tests.maps import cubes
 
 pytest.importorskip("xarray", reason="the extra maps is not installed")
@@ -76,7 +78,10 @@ def test_sigma_of_each_pixel_and_mask(tmp_path):
 def test_it_goes_on_with_missing_blocks_alone_and_refuses_what_is_another(tmp_path):
     values, _ = cubes.surfaces()
     out, data = tmp_path / "m.zarr", cubes.labelled(values)
-    fit_map(data, out=out, sigma=cubes.SIGMA, block=BLOCK)
+    reports = []
+    with listening(reports.append):
+        fit_map(data, out=out, sigma=cubes.SIGMA, block=BLOCK)
+    assert re.fullmatch(r"[\d,]+ curves/s, 0 s left", reports[-1].doing)
     whole = cubes.chunks(out)
     names = sorted(n for n in whole if n.startswith("status"))
     assert len(names) > 2
@@ -169,9 +174,9 @@ def test_every_file_is_the_same_map(tmp_path):
         assert one.pixels == ("y", "x", "wavelength") and one.shape == (5, 4, 3)
         np.testing.assert_array_equal(one.data["wavelength"], waves / 1e3)
         assert str(one).endswith("R; 1 angle 0 deg; 3 wavelengths 0.5 to 0.7 um")
-        values, sigma, _ = one.block(index)
-        assert sigma is None
-        np.testing.assert_array_equal(values["R"][..., 0], R[1:3, :, 1:3])
+        curves, _ = one.block(index)
+        assert curves["sigma"] is None
+        np.testing.assert_array_equal(curves["R"][..., 0], R[1:3, :, 1:3])
     with pytest.raises(ValueError, match="name one of entry/data"):
         cubes_of.open_cube(str(tmp_path / "c.h5"), dataset="data", **by_hand)
     with pytest.raises(ValueError, match="no angle came"):
