@@ -94,10 +94,8 @@ class Cube(NamedTuple):
         return {**points, **values, "sigma": sigma}, status
 
     def fingerprint(self) -> str:
-        """Return a hash of axes, coordinates, mask, and of the values and errors on the grid.
-
-        Not of all values: reading them would take as long as fitting them.
-        """
+        """Return a hash of axes, coordinates, mask, and of values and errors on the grid: reading
+        all of these would take as long as fitting them."""
         curves, _ = self.block(grid_of(self.shape))
         errors = curves.pop("sigma") if "sigma" in self.data else {}
         known = self.data.drop_vars(["data", "sigma"], errors="ignore").variables
@@ -196,7 +194,6 @@ def open_cube(
     """Return a cube from a DataArray or a path; arguments as of `fit_map`.
 
     spectrum: whether each wavelength is a fit of its own, and so an axis of pixels.
-    Raises ValueError for what is no such cube, ImportError where a package is missing.
     """
     xarray = package("xarray")
     points = [a if a is None else tuple(np.ravel(a).tolist())
@@ -279,10 +276,8 @@ def open_cube(
 
 
 def block_shape(cube: Cube, curves: int) -> tuple[int, ...]:
-    """Return the shape of blocks of about so many curves, in whole chunks of the input if they fit.
-
-    The last axes are taken whole, as files store them.
-    """
+    """Return the shape of blocks of about so many curves: in whole chunks of the input if they fit,
+    and with the last axes whole, as files store them."""
     block = [min(c, n) for c, n in zip(cube.chunks, cube.shape, strict=True)]
     for axis in range(len(block)):  # a chunk of more curves is cut, and read several times
         block[axis] = max(1, min(block[axis], block[axis] * curves // math.prod(block)))

@@ -45,11 +45,9 @@ def plot_map(dataset: Any) -> Any:
             array = array[tuple(slice(None, None, -(-n // _MOST)) for n in array.shape)]
             array = array if array.ndim > 1 else array.expand_dims("")
             more = of_status if name == "status" else {"robust": True, "center": False}
-            array.plot.imshow(ax=place, yincrease=False, add_labels=False, **more)
-            unit = array.attrs.get("units", "1")
-            place.set(title=name if unit == "1" else f"{name} ({unit})", aspect="auto")
+            array.plot.imshow(ax=place, yincrease=False, **more)
+            place.set(aspect="auto", facecolor="#bbbbbb")
             place.grid(False)
-            place.set_facecolor("#bbbbbb")
     return drawn
 
 
