@@ -22,7 +22,7 @@ OPTIONS = (
     ("mask", "NAME", "an array of the file that is true in pixels to leave out"),
     ("shared", "NAME,..", "parameters that all pixels share; found from a grid of pixels, then "
      "held, with their errors in those of the others"),
-    ("block", "N", "curves that are fitted, and in memory, at a time (10000)", {"type": int}),
+    ("block", "N", "curves fitted together (10000); two blocks are in memory", {"type": int}),
     ("workers", "N", "fit in N processes (Dask)", {"type": int}),
     ("scheduler", "ADDRESS", "fit on the workers of this Dask scheduler: tcp://host:8786"),
     ("scheduler-file", "FILE", "the same, of the scheduler that wrote this file"),

@@ -181,7 +181,7 @@ def _points(coords: dict[str, tuple[Any, str]]) -> dict[str, Any]:
     m = Measurement.from_columns(
         np.repeat(angle, len(waves)), np.tile(waves, len(angle)), **some,
         angle_unit=unit_of(deg) or deg or "deg", wavelength_unit=um or None,
-        source="the coordinates of the data, and their attributes units",
+        source="the coordinates (their attributes units are angle_unit and wavelength_unit)",
     )  # fmt: skip
     angle = m.angle_deg[: len(angle) * len(waves) : len(waves)]
     return {QUANTITY: quantity, ANGLE: angle, WAVELENGTH: m.wavelength_um[: len(waves)]}

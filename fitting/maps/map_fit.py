@@ -286,7 +286,7 @@ def fit_map(
         dataset: name of the array in a file that has several.
         quantity, angle_deg, wavelength_um: names ("R_s"), degrees and micrometres of the data where
             they have no such coordinate.
-        block: about so many curves are fitted, and kept in memory, at a time.
+        block: about so many curves are fitted together; two such blocks are in memory at a time.
         check: of a film, so many of the pixels of the grid, and of the badly described pixels of
             each block, are searched afresh.
         options: free, fixed, bounds, tie, errors, intervals, seed as for `fit_many`; start: name ->
