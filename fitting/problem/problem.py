@@ -28,6 +28,9 @@ from fitting.samples.parameters import Settings, value_and_slope
 
 # See `Problem.lost`; BoxBOD of NIST is lost at 1e-38 of both.
 _LOST, _NO_CHANGE = 1e-7, 1e-3
+# Where the noise is found from the residuals of a lane, the lane ends that near to its minimum, in
+# standard errors: with a robust loss a step is only several times shorter than the one before.
+_SHARP = 1e-6
 
 
 class Kept(NamedTuple):
@@ -85,8 +88,12 @@ class Problem:
         self.n_data = len(seen.row)
         self.priors = sum(w.prior is not None for w in u.moving)
         self.dof = max(self.n_data + self.priors - int(u.free.sum()), 0)
-        # The solver ends a lane at SOLVER.rtol**2 / degrees.
-        self.degrees = max(self.dof, 1.0) * (SOLVER.rtol / asked.rtol) ** 2
+        # Whether there are a robust loss or priors, and the noise that they need is to be found.
+        self.weighed = u.spec.loss != "squares" or self.priors > 0
+        self.by_noise = self.weighed and asked.scaled
+        # The solver ends a lane at SOLVER.rtol**2 / (dof * sharper).
+        rtol = min(asked.rtol, _SHARP) if self.weighed else asked.rtol
+        self.sharper = (SOLVER.rtol / rtol) ** 2
         self.limits = coordinate_bounds(u.moving)
         self.lanes = LANES  # the number of starts that the search follows
         self.lowest = np.inf  # the cost of the best end that was reported
@@ -152,11 +159,12 @@ class Problem:
         all. priors: whether these count. fit: see `run_lanes`.
         """
         targets, count = self.targets._replace(noise=np.float64(noise)), start.shape[1]
+        degrees = max(self.dof, 1.0) * self.sharper
         if not priors:
             targets = targets._replace(prior_weight=np.zeros_like(targets.prior_weight))
         ends = run_lanes(
             self.u.spec, lambda _: targets, start, limits or self.limits,
-            np.full(count, self.degrees), np.full(count, self.squares / noise**2), steps, fit=fit,
+            np.full(count, degrees), np.full(count, self.squares / noise**2), steps, fit=fit,
         )  # fmt: skip
         if limits is None and noise == 1.0:
             self._report(ends)

@@ -24,17 +24,11 @@ from fitting.process.progress import tell
 from fitting.searching.fewer_rows import followed_with_all
 from fitting.searching.film_starts import by_fringes, films_of, middle, phase_rates, thickness_um
 from fitting.searching.last_steps import down_the_valley, followed
-from fitting.searching.minima import (
-    NEAR_CHI2,
-    SAME_MINIMUM,
-    lowest_ends,
-    lowest_lanes,
-    scatter_of,
-)
+from fitting.searching.minima import NEAR_CHI2, SAME_MINIMUM, lowest_ends, lowest_lanes, scatter_of
 from fitting.searching.oscillators import likely_lines, oscillators
 from fitting.searching.proposals import PROPOSALS, Generation, beside, hardly_seen
 from fitting.searching.starts import start_at
-from fitting.uncertainty.likelihood import reduced_chi2
+from fitting.uncertainty.likelihood import noise_of
 
 # Number of evaluations before the next term is added.
 _GROWING = 40
@@ -85,10 +79,11 @@ def _with_term(
     return np.concatenate(pools, 1)
 
 
-# Largest number of rounds in which the noise of a robust loss is estimated, and the relative change
-# below which it is final.
-NOISE_ROUNDS, NOISE_SETTLED = 6, 1e-3
-_NO_NOISE = 1e9  # so large that a robust loss equals least squares
+# The noise of a robust loss or priors is found in at most so many rounds: the fit, the noise of its
+# residuals, the fit again, until the noise changes by a smaller part of it than this. 5 rounds are
+# usual, 50 some for data with large outliers.
+NOISE_ROUNDS, NOISE_SETTLED = 100, 1e-9
+NO_NOISE = 1e9  # so large that a robust loss equals least squares
 
 
 def _grown(fit: Problem, start: np.ndarray, noise: float, priors: bool = True) -> Ends:
@@ -100,28 +95,22 @@ def _grown(fit: Problem, start: np.ndarray, noise: float, priors: bool = True) -
 
 def solved(fit: Problem, start: np.ndarray) -> tuple[Ends, float]:
     """Return the ends of all starts and the noise that they were run at."""
-    loss, scaled = fit.u.spec.loss, fit.asked.scaled
-    by_noise = loss != "squares" or (fit.priors > 0 and scaled)
-    if not by_noise:
+    if not fit.by_noise:
         return _grown(fit, start, 1.0), 1.0
     # Least squares without priors first, for a first idea of the noise.
-    huge = _NO_NOISE if loss != "squares" else 1.0
-    ends, noise = _grown(fit, start, huge, priors=False), 1.0
-    if loss != "squares" and not scaled and fit.seen.stated:
-        return fit.run(start, 1.0), 1.0
-    least = 1e-9 * np.sqrt(fit.squares / max(fit.n_data, 1)) + 1e-300
-    for i in range(NOISE_ROUNDS):
-        best = best_of(ends)
+    ends, noise = _grown(fit, start, NO_NOISE, priors=False), NO_NOISE
+    for _ in range(NOISE_ROUNDS):
+        best, before = best_of(ends), noise
         if best is None:
-            return ends, noise
-        before = noise
+            break
         residual = fit.slopes(ends.y[:, best]).residual
-        noise = max(np.sqrt(reduced_chi2(loss, residual, max(fit.dof, 1))), least)
-        if i and abs(noise - before) <= NOISE_SETTLED * before:
+        noise = noise_of(fit.u.spec.loss, residual, fit.dof, fit.squares, fit.n_data)
+        if abs(noise - before) <= NOISE_SETTLED * before:
             break
         # The first round of the true problem is from all starts, later ones from their ends.
-        ends = fit.run(start if i == 0 else ends.y, noise)
-    return ends, noise
+        ends = fit.run(start, noise)
+        start = ends.y
+    return ends, noise if noise < NO_NOISE else 1.0
 
 
 # Most generations of proposals, and how many in a row may gain nothing where the residuals are not

@@ -19,6 +19,7 @@ likelihood: J. A. F. Machado, Econometric Theory 9, 478 (1993).
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -57,16 +58,28 @@ def likeliest_noise(loss: str, residual: np.ndarray, n: int) -> float:
     return math.exp(0.5 * (low + high))
 
 
-def reduced_chi2(loss: str, residual: np.ndarray, dof: int) -> float:
-    """Return chi2 / dof; for a robust loss from the median of the residuals, without outliers.
+@np.errstate(all="ignore")
+def reduced_chi2(loss: str, residual: np.ndarray, dof: Any) -> Any:
+    """Return chi2 / dof (...) of residuals (..., R); NaN without a degree of freedom.
 
-    The median of |residual| is .6745 standard deviations of Gaussian noise.
+    For a robust loss from the median of the residuals that are not 0, without outliers: the median
+    of |residual| is .6745 standard deviations of Gaussian noise.
     """
-    if dof == 0:
-        return math.nan
-    if loss == "squares":
-        return float(residual @ residual) / dof
-    return (1.4826 * float(np.median(np.abs(residual)))) ** 2 * len(residual) / dof
+    square, used = (residual**2).sum(-1), residual != 0.0
+    if loss != "squares":
+        some = used | ~used.any(-1, keepdims=True)
+        median = np.nanmedian(np.where(some, np.abs(residual), np.nan), -1)
+        square = (1.4826 * median) ** 2 * used.sum(-1)
+    return np.where(np.asarray(dof) > 0, square / dof, np.nan)[()]
+
+
+def noise_of(loss: str, residual: np.ndarray, dof: Any, squares: Any, n_data: Any) -> Any:
+    """Return the noise (...) that residuals (..., R) tell, at least that of rounding.
+
+    squares: (...), the sum of squares of the data.
+    """
+    least = 1e-9 * np.sqrt(squares / np.maximum(n_data, 1)) + 1e-300
+    return np.maximum(np.sqrt(reduced_chi2(loss, residual, np.maximum(dof, 1))), least)
 
 
 def criteria(
