@@ -9,6 +9,7 @@ afresh, so that a lower minimum (another fringe order) is found for all, or at l
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from copy import copy
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -330,7 +331,9 @@ def _result(
         whole = np.full(value.shape, np.nan) if stated is None else stated.copy()
         whole[of] = sigma
         errors = dict(zip(names, np.split(whole, len(names), 1), strict=True))
-        return weighed(search.with_errors(errors, of), of)
+        there = copy(search)
+        there.run_again(replace(curves, sigma=errors), of)
+        return weighed(there, of)
 
     def values() -> dict[str, Any]:
         each = zip(u.spec.moving, parameters_at(u, search.best.y.T)[0].T, strict=True)

@@ -23,7 +23,7 @@ from fitting.free_films import check_free_film, fit_free_film, free_film
 from fitting.misfit_causes import explained, misses_of_files
 from fitting.outcomes.doubtful_index import notes_on
 from fitting.outcomes.findings import Subject, with_headline
-from fitting.outcomes.of_fit import Ended, fits_of, of_measurement
+from fitting.outcomes.of_fit import Ended, fits_of
 from fitting.problem.observations import missing_errors
 from fitting.problem.problem import FitOptions, Kept
 from fitting.residuals.error_model import NEED_STATED, RELATIVE
@@ -42,11 +42,7 @@ from fitting.uncertainty.intervals import QUADRATIC, check_choices
 from fitting.uncertainty.likelihood import MARGIN
 from fitting.uncertainty.stated_errors import covering, of_measurements, with_error_model
 from fitting.uncertainty.widening import widened
-from fitting.wavelengths import (
-    check_wavelengths,
-    fit_wavelengths,
-    problem_of,
-)
+from fitting.wavelengths import check_wavelengths, fit_wavelengths, problem_of
 
 
 def measurements_of(measurement: Any) -> tuple[Measurement, ...]:
@@ -192,13 +188,7 @@ def _general(
     if film is not None:
         return fit_free_film(joined, sample, film, settings, asked)
     check_wavelengths(joined, settings)
-    if asked.loss == "squares" and not settings.priors:
-        return fit_wavelengths(joined, sample, settings, asked)
-    # The noise of a robust loss or a prior is estimated in rounds, one wavelength at a time.
-    asked = asked._replace(kept=None)  # other data
-    parts = [joined.where(joined.wavelength_um == w) for w in waves]
-    each = [_shared([part], sample, settings, asked) for part in parts]
-    return of_measurement(fits_of(each, (len(each),)), joined)
+    return fit_wavelengths(joined, sample, settings, asked)
 
 
 def fit(

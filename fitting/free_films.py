@@ -12,6 +12,7 @@ Handbook of Ellipsometry (2005), sec. 3.4.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -290,7 +291,9 @@ def fit_free_film(
     label, row = u.labels[f"{place}.thickness_nm"], u.spec.held.index(f"{place}.thickness_nm")
     p, sigma = _shared_thickness(waves, row, f"{place}.k", ends)
     lowest = best = float(p.thickness_nm[p.best])
-    found = fit_wavelengths(measurement, _held(sample, which, best), settings, asked)
+    # The noise is that of the stated errors, see `_check_settings`.
+    fit_held = partial(fit_wavelengths, by_noise=False)
+    found = fit_held(measurement, _held(sample, which, best), settings, asked)
     wide = sigma > 0.3 * (ends[1] - ends[0]) or not np.isfinite(sigma)
     if not wide and any(f.code == "chi2_large" for f in found.findings):
         # No index with k >= 0 may describe the data at a thickness that is too small by its error.
@@ -299,12 +302,12 @@ def fit_free_film(
         cost, _ = _costs(waves, row, waves.job.limits, places, none)
         if cost.min() < cost[0] - _NEAR:
             best = float(places[np.argmin(cost)])
-            found = fit_wavelengths(measurement, _held(sample, which, best), settings, asked)
+            found = fit_held(measurement, _held(sample, which, best), settings, asked)
     if not wide:
         shift = min(sigma, 0.2 * best)
         beside = _held(sample, which, best + shift)
         plain = asked._replace(intervals=QUADRATIC)
-        moved = fit_wavelengths(measurement, beside, settings, plain, near=found)
+        moved = fit_held(measurement, beside, settings, plain, near=found)
         found = _with_thickness(found, moved, sigma / shift)
     parameters = {n: e for n, e in found.parameters.items() if n != label}
     of_film = [u.labels[f"{place}.{n}"] for n in ("eta", "k")]

@@ -15,7 +15,6 @@ from fitting.data.measurement import Measurement
 from fitting.optics.instrument import INSTRUMENT
 from fitting.outcomes.findings import on_rows, stacked_findings
 from fitting.outcomes.of_batch import fit_of_batch
-from fitting.outcomes.of_fit import of_measurement
 from fitting.outcomes.surface_verdicts import OPEN
 from fitting.problem.curve_lanes import Curves, shown_at
 from fitting.problem.evaluation import EachFit, Evaluated, at_data
@@ -138,17 +137,19 @@ def _beside(count: int) -> np.ndarray:
 
 def fit_wavelengths(
     measurement: Measurement, sample: Sample, settings: Settings, asked: FitOptions,
-    near: FitData | None = None,
+    near: FitData | None = None, by_noise: bool = True,
 ) -> FitData:  # fmt: skip
     """Return the fit of every wavelength by itself, batch shape (W,) in rising order.
 
     If a wavelength has fewer than five degrees of freedom, scaled errors use the scatter of all
     wavelengths. near: the fit of a sample that hardly differs, of which the same minima are wanted,
-    as they have moved.
+    as they have moved. by_noise: whether the noise that a robust loss and priors need is found for
+    each wavelength; else it is that of the stated errors.
     """
     waves = each_wavelength(measurement, sample, settings, asked)
-    u, search = waves.job.u, BatchSearch(waves.job, waves.curves)
-    every = np.arange(waves.curves.count)
+    u, every = waves.job.u, np.arange(waves.curves.count)
+    by_noise = by_noise and waves.job.by_noise
+    search = BatchSearch(waves.job, waves.curves, by_noise=by_noise)
     tell(total=2 * len(every), done=0)  # each is solved, and then gets its errors
     if near is not None:
         search.run(np.stack([e.y for e in near.evaluator.each], 1), every)  # type: ignore
@@ -161,9 +162,10 @@ def fit_wavelengths(
         search.run(np.tile(starts, len(every)), np.repeat(every, starts.shape[1]))
         if not mesh:
             search.from_neighbours(_beside(len(every)), search.dof > 0)
+    search.settle()
     tell("errors", done=len(every))
     pooled = None
-    if search.dof.sum() and search.dof.min() < _ENOUGH:
+    if not by_noise and search.dof.sum() and search.dof.min() < _ENOUGH:
         # Two or three data for two unknowns give no estimate of the noise, or a far too small one.
         pooled = float(search.best.cost[search.best.done].sum() / search.dof.sum())
     found = fit_of_batch(search, (len(every),), sample, pooled)
@@ -187,8 +189,11 @@ def _with_rows(waves: Wavelengths, found: FitData, measurement: Measurement) -> 
         on = on_rows(u, part, *shown_part, state == CONVERGED)
         known = {f.code for f in found.findings if f.at[i]}
         told.append([] if state == NOT_CONVERGED or known & {*OPEN} else list(on))
+    names = [*dict.fromkeys(m.quantity.tolist())]
+    curve = np.array([names.index(q) for q in m.quantity.tolist()])
     return replace(
-        of_measurement(found, m), wavelength_um=waves.wavelength_um,
+        found, measurement=m, curve=curve, curve_names=tuple(names),
         findings=ranked((*found.findings, *stacked_findings(told))),
+        wavelength_um=waves.wavelength_um,
         evaluator=EachFit(tuple(own), found.shape, waves.wavelength_um, m),
     )  # fmt: skip

@@ -311,18 +311,20 @@ def _other_minima(found: FitData, ok: np.ndarray) -> Iterator[tuple[Any, ...]]:
     }  # fmt: skip
 
 
-def _contradicted_priors(fit: Problem, known: Mapping[str, Estimate]) -> list[Finding]:
-    """Return the finding on priors from which the fit is far away."""
-    away = {}
-    for moving in fit.u.moving:
-        name = fit.u.labels.get(moving.parameter.name, "")
-        if moving.prior is None or name not in known:
-            continue
-        mean, sigma = moving.prior
-        errors = abs(known[name].value - mean) / sigma
-        if errors > PRIOR_ERRORS:
-            away[name] = (mean, sigma, known[name].value, errors)
-    return [_finding("prior_contradicted", priors=away)] if away else []
+def contradicted_priors(u: Unknowns, known: Mapping[str, Estimate]) -> Iterator[Finding]:
+    """Yield the finding on priors from which fits are far away."""
+    each = [(u.labels.get(w.parameter.name, ""), w.prior) for w in u.moving if w.prior]
+    each = [(name, *prior) for name, prior in each if name in known]
+    if not each:
+        return
+    value = np.stack([known[name].value for name, *_ in each], -1)
+    errors = np.abs([(value[..., j] - mean) / sigma for j, (_, mean, sigma) in enumerate(each)])
+    away = errors > PRIOR_ERRORS
+    told = np.empty(away.shape[1:], object)
+    for i in map(tuple, np.argwhere(away.any(0))):
+        told[i] = {name: (mean, sigma, float(value[i][j]), float(errors[j][i]))
+                   for j, (name, mean, sigma) in enumerate(each) if away[j][i]}  # fmt: skip
+    yield Finding("prior_contradicted", away.any(0), {"priors": told[()]})
 
 
 def _on_parameters(
@@ -468,7 +470,6 @@ def findings(
     out += _on_measured(fit, of, end)
     if lower:
         out.append(_finding("better_minimum_met", by=lower, more=4 * fit.starts))
-    out += _contradicted_priors(fit, known)
     if "angle_offset" in known and abs(known["angle_offset"].value) > PLAUSIBLE_OFFSET_DEG:
         out.append(_finding("implausible_offset", value=known["angle_offset"].value))
     return out

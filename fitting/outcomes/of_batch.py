@@ -22,6 +22,7 @@ from fitting.outcomes.outcome import (
 from fitting.outcomes.surface_verdicts import marked, verdicts_of_batch
 from fitting.problem.curve_lanes import measured_rows, shown_at, slopes
 from fitting.problem.evaluation import Alike, EachFit, Evaluated
+from fitting.problem.slopes import prior_rows
 from fitting.problem.solver import NO_NOISE
 from fitting.residuals.noise import noise_of_misfits
 from fitting.results.diagnostics import Finding, ranked
@@ -32,6 +33,7 @@ from fitting.searching.batch_search import BatchSearch
 from fitting.searching.minima import SAME_CHI2, scatters
 from fitting.uncertainty.covariance import uncertainty
 from fitting.uncertainty.intervals import QUADRATIC
+from fitting.uncertainty.likelihood import reduced_chi2
 from fitting.uncertainty.limits import ROUNDING, student_quantiles
 from fitting.uncertainty.profile import Lanes
 
@@ -65,13 +67,15 @@ def _at(
         job.u, at.triangle[..., -1], at.triangle[..., :-1], y.T, search.limits, 1.0,
         search.dof[which], job.asked.scaled, curves.stated[which], curves.squares[which], pooled,
     )  # fmt: skip
-    fall = (at.triangle[..., :-1] @ known.step[..., None])[..., 0]
+    off, lines = prior_rows(job.u, y.T)
+    rows = np.concatenate([at.triangle[..., :-1], lines], -2)
+    cost, fall = at.cost + np.vecdot(off, off), (rows @ known.step[..., None])[..., 0]
     found = Solutions(
-        which, y.T, known, at.cost, curves.squares[which], at.plain, at.counts,
+        which, y.T, known, cost, curves.squares[which], at.plain, at.counts,
         np.zeros(len(which), int),
     )  # fmt: skip
     # `put` writes to it
-    return jax.tree.map(np.array, found), at.together, at.cost - np.vecdot(fall, fall)
+    return jax.tree.map(np.array, found), at.together, cost - np.vecdot(fall, fall)
 
 
 def _beside(
@@ -84,7 +88,8 @@ def _beside(
     low, high = (a[:, None] for a in search.limits)
     out, together, promised = _at(search, which, y, pooled)
     together, go = together.copy(), np.arange(len(which))
-    for _ in range(_STEPS):
+    # Steps are of least squares; lanes of a robust loss ended at the minimum.
+    for _ in range(_STEPS if search.job.u.spec.loss == "squares" else 0):
         here = out.of(go)
         step, error = here.known.step, here.known.edge * np.sqrt(here.known.variance)[:, None]
         ahead = np.clip((here.y + step).T, low, high)
@@ -113,7 +118,8 @@ def _minima(
     job, best = search.job, search.best
     of_lane, ends = search.lanes
     scatter, most = scatters(
-        best.cost, search.dof, job.asked.scaled, search.curves.stated, pooled
+        best.cost, search.dof, job.asked.scaled,
+        search.curves.stated | (search.curves.noise != 1.0), pooled,
     )  # fmt: skip
     done = np.flatnonzero(ends.done & np.isfinite(ends.cost))
     left = done[np.lexsort((ends.cost[done], of_lane[done]))]
@@ -227,7 +233,7 @@ def fit_of_batch(
     wavelengths, if not those of the points: NaN for none.
     """
     job, curves, best, u = search.job, search.curves, search.best, search.job.u
-    which = np.flatnonzero(search.known)
+    which, (lanes_of, _) = np.flatnonzero(search.known), search.lanes
     put = Shaped(shape, curves.count, which)
     minima, scatter, together = _minima(search, which, pooled)
     m, dof, n_data = minima[0], search.dof[which], curves.n_data[which]
@@ -236,7 +242,16 @@ def fit_of_batch(
     noise = np.full(len(which), np.nan)
     if u.spec.only_powers and (len(known) == 1 or "wavelength_um" in curves.own):
         noise = _noise_of_misfits(search, m, together)
-    told = verdicts_of_batch(search, m, scatter[which])
+    units, weighed = scatter[which], dict[str, Any]()
+    if job.weighed:  # chi2 is that of all residuals, whatever the loss, and without priors
+        size = np.broadcast_to(curves.noise, curves.count)[which]
+        off = slopes(u.spec, curves, m.y.T, which).triangle[..., -1]
+        square = np.vecdot(off, off)
+        units, _ = scatters(square, dof, job.asked.scaled, curves.stated[which])
+        reduced = reduced_chi2(u.spec.loss, off * size[:, None], dof)
+        reduced = np.where(job.seen.stated, reduced, np.nan)
+        weighed = {"noise": put(size), "chi2": square * size**2, "reduced": reduced}
+    told = verdicts_of_batch(search, m, units)
     open_ = np.zeros(len(which), bool)  # indices that fit alike, of which profiles tell the range
     if told is not None:
         asked, verdicts, y = told
@@ -276,11 +291,11 @@ def fit_of_batch(
     fits = result_of(
         job, sample, put, minima, ranges, scatter=scatter[which], failed=failed, dof=dof,
         # Pixels begin where others ended, which are no starts of their own.
-        n_data=n_data, starts=search.starts[which] * bool(curves.own),
+        n_data=n_data, starts=np.bincount(lanes_of, None, curves.count)[which] * bool(curves.own),
         evaluations=best.evaluations[which], known_um=known, kinds=u.spec.channels,
         missed_noise=noise, open_=open_, evaluator=EachFit(
             Alike(pattern, of_each(m.y), of_each(m.known.covariance), inside), shape
-        ),
+        ), **weighed,
     )  # fmt: skip
     if shared := _shared_misfit(search, m):
         all_ended = np.isin(fits.status, (CONVERGED, MISFIT))

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from fitting.data.measurement import Measurement
 from fitting.data.quantities import POWERS
 from fitting.optics.spec import Spec
 from fitting.outcomes.findings import Subject, findings, stacked_findings
@@ -24,7 +23,7 @@ from fitting.outcomes.outcome import (
     without_errors,
 )
 from fitting.outcomes.surface_verdicts import Verdicts, marked, verdicts_of_fit
-from fitting.problem.evaluation import EachFit, Evaluated
+from fitting.problem.evaluation import Evaluated
 from fitting.problem.lanes import LANES, STAGE, Ends, best_of, joined
 from fitting.problem.problem import Problem
 from fitting.process.progress import tell
@@ -238,7 +237,7 @@ def _wavelengths(of: Subject) -> np.ndarray:
 
 
 def fits_of(every: Sequence[Ended], shape: tuple[int, ...] = ()) -> FitData:
-    """Return the result of fits of one kind, each searched by itself; (): of a single one."""
+    """Return the result of a fit, (), or of fits of own residuals, each searched by itself."""
     one, count = every[0], len(every)
     sample, seen, put = one.of.sample, one.fit.seen, Shaped(shape, count, np.arange(count))
     kinds = dict.fromkeys(c for e in every for c in e.fit.u.spec.channels or ("residuals",))
@@ -254,14 +253,10 @@ def fits_of(every: Sequence[Ended], shape: tuple[int, ...] = ()) -> FitData:
     )
     numbers = {n: np.array([f.numbers[n] for f in found]) for n in found[0].numbers}
     numbers |= {n: put(numbers[n]) for n in ("noise", "bic", "aicc")}
-    known = np.stack([_wavelengths(e.of) for e in every])
-    m, evaluator = one.of.measurement, found[0].evaluator
-    if shape:
-        m, each = None, tuple(f.evaluator for f in found)
-        evaluator = None if evaluator is None else EachFit(each, shape, known[:, 0])  # type: ignore
+    m = one.of.measurement
     result = result_of(
-        one.fit, sample, put, minima, ranges, known_um=known if shape else known[0], **numbers,
-        evaluator=evaluator, measurement=m, curve=None if m is None else seen.curve,
+        one.fit, sample, put, minima, ranges, known_um=_wavelengths(one.of), **numbers,
+        evaluator=found[0].evaluator, measurement=m, curve=None if m is None else seen.curve,
         curve_names=seen.curve_names, kinds=tuple(kinds),
     )  # fmt: skip
     fringeless = put(np.array([f.fringeless is not None for f in found]))
@@ -287,19 +282,7 @@ def fits_of(every: Sequence[Ended], shape: tuple[int, ...] = ()) -> FitData:
     )[()]  # fmt: skip
     findings_ = ranked(f for f in told if np.any(f.at))
     result = replace(result, status=state if shape else state.item(), findings=findings_)
-    if found[0].verdicts is None:
-        return result
-    return marked(result, joined_up([f.verdicts for f in found]), put)
-
-
-def of_measurement(found: FitData, measurement: Measurement) -> FitData:
-    """Return the fits of all wavelengths with the data, whose curves are their quantities."""
-    quantities = tuple(dict.fromkeys(measurement.quantity.tolist()))
-    curve = np.array([quantities.index(q) for q in measurement.quantity.tolist()])
-    evaluator = found.evaluator._replace(measurement=measurement)  # type: ignore
-    return replace(
-        found, measurement=measurement, curve=curve, curve_names=quantities, evaluator=evaluator
-    )
+    return result if found[0].verdicts is None else marked(result, found[0].verdicts, put)
 
 
 # Half way to the end of an interval chi2 rises by 1/4 of its rise there if it is a square, by 1/16

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from fitting.outcomes.doubtful_index import of_solids
-from fitting.outcomes.findings import findings_of_all, not_quadratic
+from fitting.outcomes.findings import contradicted_priors, findings_of_all, not_quadratic
 from fitting.problem.problem import Problem
 from fitting.problem.unknowns import Unknowns
 from fitting.residuals.error_model import misses_without_freedom
@@ -276,4 +276,5 @@ def result_of(
         _unseen(u, m.known, put), put(missed_noise),
     )  # fmt: skip
     quadratic = put(ranges[0].quadratic[:, u.free])
-    return replace(found, findings=ranked([*told, *not_quadratic(free, quadratic)]))
+    told = [*told, *contradicted_priors(u, free), *not_quadratic(free, quadratic)]
+    return replace(found, findings=ranked(told))

@@ -316,7 +316,8 @@ def verdicts_of_batch(
     if place := _place(u):
         eta = m.y[:, place[0]]
         values = np.concatenate([v[which] for v in curves.values.values()], 1)
-        spread = m.known.edge[:, place[0]] * np.sqrt(m.known.variance) / eta
+        unit = np.maximum(m.known.variance, scatter)
+        spread = m.known.edge[:, place[0]] * np.sqrt(unit) / eta
         ask = m.known.hidden.any(1) | ~(spread < 0.5 * _VAGUE) | (eta < outside)
         ask |= np.nanmean(values**2, 1) > _LEAST_RMS**2
         ask |= m.squares <= m.cost + 2.0 * _THE_SAME * scatter
@@ -341,7 +342,7 @@ def verdicts_of_fit(fit: Problem, end: End, noise: float) -> tuple[Verdicts | No
     targets, square = fit.targets, float(np.sum((end.slopes.residual / noise) ** 2))
     if not _asked(fit) or np.ndim(targets.eta_i):
         return None, end.y
-    targets = targets._replace(weights=tuple(w / noise for w in targets.weights))
+    targets = targets._replace(noise=noise)
     scatter, _ = scatters(square, fit.dof, fit.asked.scaled, fit.seen.stated)
     each = (np.array([a]) for a in (targets.eta_i, scatter, fit.dof, fit.seen.stated))
     v = _verdicts_at(fit, targets, end.slopes.seen[None], end.y[None], *each)
@@ -363,6 +364,7 @@ def _verdicts_at(
     shares = {"R_s": 1.0, "R_p": 0.0, "R": np.transpose(points.s_share)}
     share = [np.broadcast_to(shares[c], one) for c in fit.u.spec.channels]
     angle = [np.broadcast_to(np.transpose(points.angle_deg), one)] * len(share)
+    weight = weight / np.transpose(np.atleast_2d(targets.noise))  # of each fit, or of all
     miss = weight * (shown.reshape(value.shape) - value)
     used = weight.any(0)
     columns = np.stack([np.concatenate(a, 1) for a in (angle, share)] + [weight, miss])[..., used]

@@ -21,7 +21,7 @@ from fitting.optics.observe import predicted
 from fitting.optics.spec import NCS, Spec
 from fitting.problem.lanes import ahead, in_calls
 from fitting.problem.observations import Observations, data_of, squares_of
-from fitting.problem.programs import Targets, rows_of, weighted
+from fitting.problem.programs import Targets, robust, rows_of, weighted
 from fitting.problem.solver import add
 from fitting.process.compiled import compiled, fit_settings
 from fresnel_jax.performance import computed_once
@@ -37,6 +37,7 @@ class Curves:
     seen: the rows of a measurement that has every quantity at every one of the M points, in the
     order of ``values``. base: its targets. own: those of `Targets` and its points that differ from
     curve to curve (angles, wavelengths, shares of s and eta_i over rows; constants), (..., N).
+    noise: 1, or (N,) where it is to be found; the residuals of each curve are divided by it.
     """
 
     seen: Observations
@@ -44,6 +45,7 @@ class Curves:
     values: Mapping[str, np.ndarray]
     sigma: Mapping[str, np.ndarray] | None
     own: Mapping[str, np.ndarray] = field(default_factory=dict)
+    noise: Any = 1.0
 
     def at(self, pick: np.ndarray) -> Curves:
         """Return some of the curves."""
@@ -67,6 +69,11 @@ class Curves:
         """Which curves have errors of their data, (N,); the others have equal weights."""
         known = [np.isfinite(s).any(1) for s in (self.sigma or {}).values()]
         return np.any(known or [np.zeros(self.count)], 0)
+
+    def weighed(self, noise: np.ndarray, prior_weight: np.ndarray) -> Curves:
+        """Return the curves with another noise (N,), and other weights of the priors (p,)."""
+        base = self.base._replace(prior_weight=prior_weight)
+        return replace(self, base=base, noise=noise)
 
     @property
     def n_data(self) -> np.ndarray:
@@ -102,7 +109,9 @@ class Curves:
         """Return the targets of the curves ``pick`` as lanes."""
         data, own = jax.tree.map(lambda a: np.take(a, pick, -1), (self._data, dict(self.own)))
         points = {n: own.pop(n) for n in self.base.points._fields if n in own}
-        return self.base._replace(points=self.base.points._replace(**points), **own, **data)
+        noise = self.noise[pick] if np.ndim(self.noise) else self.base.noise
+        points = self.base.points._replace(**points)
+        return self.base._replace(points=points, noise=noise, **own, **data)
 
     def of_points(self, name: str, pick: np.ndarray) -> np.ndarray:
         """Return what the points of the curves ``pick`` have, angles or shares of s, (n, rows)."""
@@ -112,7 +121,7 @@ class Curves:
     @cached_property
     def squares(self) -> np.ndarray:
         """The sum of squares of the data of each curve in units of their errors, (N,)."""
-        return squares_of(self.base._replace(**self._data))
+        return squares_of(self.base._replace(**self._data)) / self.noise**2
 
 
 def triangle(columns: list[list[Array]]) -> Array:
@@ -161,7 +170,10 @@ def _evaluate(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, ...]:
 
     (residual, shown), along = jax.linearize(at, y)
     columns = [*(along(jnp.zeros_like(y).at[j].set(1.0))[0] for j in range(len(y))), residual]
-    rows = triangle(columns)
+    if spec.loss == "squares":
+        rows = triangle(columns)
+    else:
+        rows = jnp.stack([jnp.concatenate(column) for column in columns], 1)
     sane = jnp.isfinite(rows).all((0, 1))
     rows = jnp.where(sane, rows, 0.0)
     measured, used = measured_rows(spec, targets)
@@ -170,7 +182,7 @@ def _evaluate(targets: Targets, y: Array, *, spec: Spec) -> tuple[Array, ...]:
     plain, counts = (
         jax.ops.segment_sum(a.sum(1), kind, len(spec.channels)) for a in (squares, jnp.stack(used))
     )
-    cost = jnp.where(sane, (rows[:, -1] ** 2).sum(0), jnp.inf)
+    cost = jnp.where(sane, (robust(spec.loss, rows[:, -1]) ** 2).sum(0), jnp.inf)
     whole = jnp.stack([jnp.pad(a, ((0, -len(a) % 4), (0, 0))) for a in residual])
     fours = whole.reshape(len(whole), -1, 4, whole.shape[-1]).sum(2)
     return rows, cost, plain, counts, (fours**2).sum((0, 1)), shown
@@ -183,10 +195,11 @@ class Slopes(NamedTuple):
     """Of n lanes: residuals and derivatives, cost (n,), what was not weighted.
 
     triangle: (n, p + 1, p + 1) of a QR decomposition of the derivatives, and beside them the
-    residuals, both weighted: what of the rows counts in sums over them; 0 of lanes that are not
-    finite, of which the cost is infinite. plain, counts: (n, C) by channel the sum of squares of
-    the differences from the data, and how many there are. together: (n,) the sum of squares of the
-    sums of four residuals side by side, which is the cost where these are noise. shown: (n, K, M).
+    residuals, both weighted: what of the rows counts in sums over them; of a robust loss all rows,
+    (n, R, p + 1). 0 of lanes that are not finite, of which the cost is infinite; this is without
+    priors. plain, counts: (n, C) by channel the sum of squares of the differences from the data,
+    and how many there are. together: (n,) the sum of squares of the sums of four residuals side by
+    side, which is the cost where these are noise. shown: (n, K, M).
     """
 
     triangle: np.ndarray

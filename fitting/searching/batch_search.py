@@ -6,17 +6,18 @@ find in one curve is wide in another.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from fitting.problem.curve_lanes import Curves
+from fitting.problem.curve_lanes import Curves, slopes
 from fitting.problem.lanes import MOST, Ends, Limits, joined, run_lanes, with_fixed
 from fitting.problem.problem import Problem
 from fitting.process.progress import tell
 from fitting.residuals.error_model import beyond_chance
+from fitting.searching.search import NO_NOISE, NOISE_ROUNDS, NOISE_SETTLED
+from fitting.searching.starts import starts
+from fitting.uncertainty.likelihood import noise_of
 
 # Rounds in which curves are tried from their neighbours; a round reaches one of them further.
 _ROUNDS = 60
@@ -29,45 +30,72 @@ _FAR = 4.0
 class BatchSearch:
     """N fits of one kind and where their lanes ended.
 
-    job: one of them as a pattern for all. best: the lowest end of each, N lanes. which, ends: the
-    curves and the ends of all lanes.
+    job: one of them as a pattern for all. best: the lowest end of each, N lanes. lanes: the curves
+    (L,) of all lanes and their ends. by_noise: the noise of each curve is to be found (`settle`).
     """
 
-    def __init__(self, job: Problem, curves: Curves, limits: Limits | None = None):
+    def __init__(
+        self, job: Problem, curves: Curves, limits: Limits | None = None, by_noise: bool = False
+    ):
         self.job, self.curves, self.limits = job, curves, limits or job.limits
+        if by_noise:  # least squares without priors first, for a first idea of the noise
+            self.curves = curves.weighed(np.full(curves.count, NO_NOISE), 0.0 * curves.base.prior)
         n_data, unknowns = curves.n_data, int(job.u.free.sum())
         self.known = n_data > 0
         self.dof = np.maximum(n_data + job.priors - unknowns, 0)
         self.best = Ends.begun(np.zeros((job.u.size, curves.count)))
-        self._lanes: list[tuple[np.ndarray, Ends]] = []
-
-    @property
-    def starts(self) -> np.ndarray:
-        """How many starts each curve had, (N,)."""
-        return np.bincount(self.lanes[0], minlength=self.curves.count)
+        self._lanes: list[tuple[np.ndarray, np.ndarray, Ends]] = []
 
     @property
     def lanes(self) -> tuple[np.ndarray, Ends]:
         """The curve (L,) and the end of every lane that was run."""
-        which, ends = zip(*self._lanes, strict=True)
+        which, _, ends = zip(*self._lanes, strict=True)
         return np.concatenate(which), joined(ends)
 
     def run(self, start: np.ndarray, which: np.ndarray) -> None:
         """Follow starts (p, L) of the curves ``which``, (L,), and keep where they end."""
-        self._keep(which, self._followed(start, which, self.limits, MOST))
+        self._keep(which, start, self._followed(start, which, self.limits, MOST))
 
-    def with_errors(self, sigma: Mapping[str, np.ndarray], of: np.ndarray) -> BatchSearch:
-        """Return the search with other errors, those of the curves ``of``, followed again."""
-        there = BatchSearch(self.job, replace(self.curves, sigma=sigma), self.limits)
-        which, ends = self.lanes
-        again = np.isin(which, of)
-        there._keep(which[~again], Ends(*(a[..., ~again] for a in ends)))
-        again &= ends.done
-        there.run(ends.y[:, again], which[again])
-        return there
+    def run_random(self, count: int, seed: int, which: np.ndarray) -> None:
+        """Follow so many random starts of each of the curves ``which``."""
+        points = starts(self.job.u.moving, count, seed)
+        self.run(np.tile(points, len(which)), np.repeat(which, count))
 
-    def _keep(self, which: np.ndarray, ends: Ends) -> None:
-        self._lanes.append((which, ends))
+    def run_again(self, curves: Curves, of: np.ndarray, from_starts: bool = False) -> None:
+        """Follow the lanes of the curves ``of`` from their ends, with other errors or noise.
+
+        from_starts: or all lanes from their starts.
+        """
+        (which, ends), start = self.lanes, np.concatenate([s for _, s, _ in self._lanes], 1)
+        again = np.isin(which, of) | from_starts
+        self.curves, self._lanes = curves, []
+        self.best = Ends.begun(np.zeros_like(self.best.y))
+        self._keep(which[~again], start[:, ~again], Ends(*(a[..., ~again] for a in ends)))
+        if not from_starts:
+            start, again = ends.y, again & ends.done
+        self.run(start[:, again], which[again])
+
+    def settle(self) -> None:
+        """Find the noise of each curve where it is asked for, as `search.solved` does."""
+        live, job = np.flatnonzero(self.best.done), self.job
+        if not (np.ndim(self.curves.noise) and len(live)):
+            return
+        noise = np.where(self.best.done, self.curves.noise, 1.0)
+        for _ in range(NOISE_ROUNDS):
+            curves, before = self.curves, self.curves.noise[live]
+            off = slopes(job.u.spec, curves, self.best.y[:, live], live).triangle[..., -1]
+            off, squares = off * before[:, None], curves.squares[live] * before**2
+            new = noise_of(job.u.spec.loss, off, self.dof[live], squares, curves.n_data[live])
+            moved = np.abs(new - before) > NOISE_SETTLED * before
+            if not moved.any():
+                break
+            live = live[moved]
+            noise[live] = new[moved]
+            again = curves.weighed(noise.copy(), job.targets.prior_weight)
+            self.run_again(again, live, from_starts=before[0] == NO_NOISE)
+
+    def _keep(self, which: np.ndarray, start: np.ndarray, ends: Ends) -> None:
+        self._lanes.append((which, start, ends))
         best = self.best
         np.add.at(best.evaluations, which, ends.evaluations)
         # The lowest lane of each curve comes first.
@@ -91,8 +119,8 @@ class BatchSearch:
         """Return where starts (p, L) of curves (L,) are after ``most`` evaluations at most."""
         return run_lanes(
             self.job.u.spec, lambda lanes: self.curves.targets(which[lanes]), start, limits,
-            np.maximum(self.dof[which], 1.0), self.curves.squares[which], most, self.curves.width,
-            which,
+            np.maximum(self.dof[which], 1.0) * self.job.sharper, self.curves.squares[which], most,
+            self.curves.width, which,
         )  # fmt: skip
 
     def missed(self) -> np.ndarray:
@@ -111,6 +139,7 @@ class BatchSearch:
 
         beside: (K, N) numbers of their neighbours, -1 for none. also: (N,) other curves to try.
         """
+        self.settle()
         news = np.isfinite(self.best.cost)
         for _ in range(_ROUNDS):
             # A neighbour that has not changed was tried before.
@@ -118,8 +147,9 @@ class BatchSearch:
                 np.append(news, False)[beside] & self.known & (self.missed() | also)
             )
             if not len(which):
-                return
+                break
             before = self.best.cost.copy()
             self.run(self.best.y[:, beside[side, which]], which)
             news, also = self.best.cost < (1.0 - 1e-3) * before, False
             tell(done=0)
+        self.settle()

@@ -20,7 +20,6 @@ from fitting.problem.curve_lanes import Curves
 from fitting.process.side_by_side import side_by_side
 from fitting.samples.parameters import from_parameter
 from fitting.searching.batch_search import BatchSearch
-from fitting.searching.starts import starts
 
 # Curves that are compared side by side.
 _SIDE_BY_SIDE, _LANES = 512, 32
@@ -226,5 +225,4 @@ def search_surface(search: BatchSearch) -> None:
     search.run(np.stack(rows if names[0] == "eta" else rows[::-1]), which)
     rest = np.flatnonzero(search.known & ~search.best.done)
     if len(rest):
-        others = starts(u.moving, _OTHERS, 0)
-        search.run(np.tile(others, len(rest)), np.repeat(rest, _OTHERS))
+        search.run_random(_OTHERS, 0, rest)

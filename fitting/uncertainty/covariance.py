@@ -100,18 +100,10 @@ def inverse_of(rows: np.ndarray, b: np.ndarray, use: np.ndarray) -> Inverse:
 
 
 def uncertainty(
-    u: Unknowns,
-    residual: np.ndarray,
-    jacobian: np.ndarray,
-    y: np.ndarray,
-    limits: tuple[np.ndarray, np.ndarray],
-    noise: float,
-    dof: Any,
-    scaled: bool,
-    stated: Any,
-    squares: Any,
-    pooled: float | None = None,
-) -> Uncertainty:
+    u: Unknowns, residual: np.ndarray, jacobian: np.ndarray, y: np.ndarray,
+    limits: tuple[np.ndarray, np.ndarray], noise: float, dof: Any, scaled: bool, stated: Any,
+    squares: Any, pooled: float | None = None,
+) -> Uncertainty:  # fmt: skip
     """Return the uncertainty of the unknowns at y (..., p), of one minimum or of a batch.
 
     residual, jacobian: (..., R) and (..., R, p), as in `Slopes`. noise: what the weights were
@@ -139,7 +131,8 @@ def uncertainty(
         # Without a degree of freedom only the stated errors are available.
         variance, curvature = np.where(dof > 0, np.vecdot(r, r) / many, 1.0), 1.0
     else:
-        curvature = np.maximum(bend.mean(-1), 1e-3)
+        used = (J != 0.0).any(-1) | (r != 0.0)  # a batch has rows without data
+        curvature = np.maximum((bend * used).sum(-1) / used.sum(-1), 1e-3)
         variance = np.vecdot(pull, pull) / many / curvature**2
     if not scaled:
         variance = 1.0 if u.spec.loss == "squares" else np.maximum(variance, 1.0)

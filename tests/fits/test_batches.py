@@ -293,7 +293,7 @@ def test_a_lane_that_is_under_way_is_shown_only_if_it_is_by_far_the_lowest(monke
     )  # fmt: skip
     monkeypatch.setattr(batch_search, "run_lanes", lambda *given: ends)
     u = SimpleNamespace(size=1, free=np.ones(1, bool), spec=None)
-    job: Any = SimpleNamespace(u=u, priors=0, limits=None)
+    job: Any = SimpleNamespace(u=u, priors=0, limits=None, sharper=1.0)
     curves: Any = SimpleNamespace(n_data=np.array([9, 9]), count=2, squares=np.ones(2), width=2)
     search = batch_search.BatchSearch(job, curves)
     search.run(ends.y, np.array([0, 0, 1, 1]))

@@ -104,7 +104,8 @@ def test_plain_data_and_refusals():
         fit(Measurement.from_columns([0.0, 1.0], [0.5, np.nan], R=[0.1, 0.1]), PLATE)
 
 
-def test_a_robust_loss_means_the_same_at_every_wavelength():
+@pytest.mark.parametrize("priors", [{}, {"k": (0.5, 0.05)}])
+def test_a_robust_loss_means_the_same_at_every_wavelength(priors):
     """An outlier at each of two wavelengths, without stated errors: the noise is found for each."""
     angle = np.tile(np.linspace(20.0, 75.0, 30), 2)
     wave = np.repeat([0.5, 0.6], 30)
@@ -113,11 +114,15 @@ def test_a_robust_loss_means_the_same_at_every_wavelength():
     R = clean + 1e-3 * rng.standard_normal(60)
     R[[10, 40]] += 0.2
     m = Measurement.from_columns(angle, wave, R_s=R)
-    robust, plain = fit(m, loss="huber"), fit(m)
+    robust, plain = fit(m, loss="huber", priors=priors), fit(m)
     assert robust.shape == plain.shape == (2,)
     assert np.abs(robust.eta - 1.6).max() < 0.02 < np.abs(plain.eta - 1.6).max()
-    one = fit(m.where(wave == 0.5), loss="huber")
+    one = fit(m.where(wave == 0.5), loss="huber", priors=priors)
     np.testing.assert_allclose(robust.eta[0], one.eta, rtol=1e-9)
+    for name, e in one.parameters.items():
+        np.testing.assert_allclose(robust[0].parameters[name].sigma, e.sigma, rtol=1e-6)
+        np.testing.assert_allclose(robust[0].parameters[name].interval, e.interval, rtol=1e-4)
+    assert (robust.status[0], robust.dof[0]) == (one.status, one.dof)
 
 
 def test_starts_and_a_given_start_lead_to_the_minimum_of_the_mesh():
