@@ -63,10 +63,9 @@ class _Batch(NamedTuple):
         values: dict[str, Any] = {q: v[i] for q, v in curves.values.items()}
         sigma = None if curves.sigma is None else {q: s[i] for q, s in curves.sigma.items()}
         m = Measurement.from_columns(angle, wavelength, sigma=sigma, **values)
-        # Its values and its cost count here, not its errors.
-        asked = self.search.job.asked._replace(
-            kept=Kept({}, {}), errors="scaled" if sigma else "equal", intervals=QUADRATIC
-        )  # fmt: skip
+        asked = self.search.job.asked._replace(kept=Kept({}, {}), intervals=QUADRATIC)
+        if asked.scaled:  # its values count here, not its errors
+            asked = asked._replace(errors="scaled" if sigma else "equal")
         return fit_checked([m], self.sample, self.settings, asked)
 
     def places(self, fit: FitData) -> np.ndarray:
@@ -89,12 +88,9 @@ class _Batch(NamedTuple):
 def _neighbours(shape: tuple[int, ...]) -> np.ndarray:
     """Return the numbers of the neighbours of each place of a grid, (2 axes, N); -1 for none."""
     grid = np.pad(np.arange(int(np.prod(shape))).reshape(shape), 1, constant_values=-1)
-    inner = tuple(slice(1, -1) for _ in shape)
-    steps = [
-        np.roll(grid, step, axis)[inner].ravel()
-        for axis in range(len(shape)) for step in (1, -1)
-    ]  # fmt: skip
-    return np.stack(steps) if steps else np.empty((0, 1), int)
+    inner = (slice(1, -1),) * len(shape)
+    steps = [np.roll(grid, step, axis)[inner] for axis in range(len(shape)) for step in (1, -1)]
+    return np.array(steps, int).reshape(len(steps), int(np.prod(shape)))
 
 
 def fit_many(
@@ -110,9 +106,12 @@ def fit_many(
     free: str | Iterable[str] = (),
     fixed: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
+    priors: Mapping[str, tuple[float, float]] | None = None,
     tie: Mapping[str, str] | None = None,
+    loss: str = "squares",
     errors: str = "auto",
     intervals: str = "quadratic",
+    starts: int | None = None,
     start: Mapping[str, Any] | None = None,
     near: Fit | None = None,
     check: int = 8,
@@ -140,11 +139,14 @@ def fit_many(
         sigma: None, or standard errors above 0 that broadcast to the data: the same for all
             quantities, or a mapping from these names to errors. NaN leaves the datum out.
         sample: as for `fit`. An index that is free at every wavelength takes one wavelength.
-        free, fixed, bounds, tie: as for `fit`, the same for all curves.
+        free, fixed, bounds, priors, tie, loss: as for `fit`, the same for all curves. The noise
+            that a robust loss and priors need is found for each curve.
         errors: as for `fit`, of each curve by itself; of psi and Delta "auto" is "scaled", and
             there is no "floor" and "relative".
         intervals: as for `fit`, but "quadratic" by default, since profile likelihood takes 1 ms of
             processor time more for each curve of a bare surface ("auto" half of that).
+        starts: of a bare surface the number of random starts of each curve instead of the mesh; of
+            other samples that of the few curves that are searched as `fit` does.
         start: name -> value, or array of the batch shape, of every fitted parameter, from which all
             curves begin; of several starts each, with an axis for these in front.
         near: a `Fit` of one such curve, or of a batch of this shape, from which curves begin.
@@ -163,11 +165,11 @@ def fit_many(
         ValueError: for shapes that do not fit, no data at all, or if no curve is left.
     """
     which = Sample.parse(sample)
-    check_choices("squares", errors, intervals)
-    check_search(None, start, seed)
+    check_choices(loss, errors, intervals)
+    check_search(starts, start, seed)
     if not isinstance(check, int | np.integer) or check < 0:
         raise ValueError(f"check is {check!r}; a number of curves, 0 or more, was wanted.")
-    settings = settings_of(free, fixed, bounds, None, tie)
+    settings = settings_of(free, fixed, bounds, priors, tie)
     every = {"R_s": R_s, "R_p": R_p, "R": R, "R_back": R_back, "T_s": T_s, "T_p": T_p, "T": T,
              "psi": psi, "delta": delta, "delta_folded": delta_folded,
              "N": N, "C": C, "S": S}  # fmt: skip
@@ -177,8 +179,16 @@ def fit_many(
     if errors == "equal":
         sigma = None
     given, sigma, reasons = without_refused(given, sigma)
-    one = wavelength_um is None or np.size(wavelength_um) == 1
-    _check_general(which, one)
+    if which.open:
+        raise ValueError(
+            f"the sample {str(which)!r} leaves its dispersion model open (auto): use choose for "
+            "one curve, and fit_many with the model that it takes."
+        )
+    if which.by_wavelength and not (wavelength_um is None or np.size(wavelength_um) == 1):
+        raise ValueError(
+            f"the sample {str(which)!r} has an index that is free at every wavelength: give one "
+            "wavelength a call, or a dispersion model (cauchy, lorentz)."
+        )
     values, sigmas, angle, wavelength, shape = arrays_of(given, sigma, angles_deg, wavelength_um)
     if errors in ADDED and set(values) & set(ANGLES):
         raise ValueError(
@@ -189,7 +199,8 @@ def fit_many(
         raise ValueError(f'errors "{errors}" need a standard error for every datum; give sigma.')
     found = _fit_curves(
         values, sigmas, angle, wavelength, shape, which, settings,
-        FitOptions(errors, intervals, seed=seed), start_of(start, near, shape), check,
+        FitOptions(errors, intervals, loss, seed, starts=starts), start_of(start, near, shape),
+        check,
     )  # fmt: skip
     findings = [
         replace(f, values={**f.values, "alone": True}) if f.code == "does_not_describe" else f
@@ -200,20 +211,6 @@ def fit_many(
         findings.append(Finding("refused", at, {"reason": np.reshape(reasons, found.shape)}))
         found = replace(found, status=np.where(at, REFUSED, found.status))
     return Fit.of(replace(found, findings=ranked(findings)))
-
-
-def _check_general(sample: Sample, one: bool) -> None:
-    """Raise ValueError for what a batch of other samples than bare surfaces does not have."""
-    if sample.open:
-        raise ValueError(
-            f"the sample {str(sample)!r} leaves its dispersion model open (auto): use choose for "
-            "one curve, and fit_many with the model that it takes."
-        )
-    if sample.by_wavelength and not one:
-        raise ValueError(
-            f"the sample {str(sample)!r} has an index that is free at every wavelength: give one "
-            "wavelength a call, or a dispersion model (cauchy, lorentz)."
-        )
 
 
 def _fit_curves(
@@ -236,9 +233,10 @@ def _fit_curves(
         own = np.repeat(angle_deg[:, :1].T, len(job.seen.points.angle_deg), 0)
         own[rows] = angle_deg.T
         lanes = replace(lanes, own={"angle_deg": own})
-    search, known = BatchSearch(job, lanes), np.unique(wavelength_um)
+    search = BatchSearch(job, lanes, by_noise=job.by_noise)
+    known = np.unique(wavelength_um)
     batch = _Batch(search, (angle_deg, wavelength_um), settings, sample)
-    best, every, beside = search.best, np.flatnonzero(search.known), _neighbours(shape)
+    every, beside = np.flatnonzero(search.known), _neighbours(shape)
     if not len(every):
         raise ValueError("no curve has a datum; one was wanted at least.")
     if near is not None:
@@ -258,7 +256,11 @@ def _fit_curves(
         y = batch.y_of({n: v[:, every] for n, v in near.items()})
         search.run(y.reshape(len(y), -1), np.tile(every, y.shape[1]))
     if of_bare_surface(search):
-        search_surface(search)
+        if asked.starts is None:
+            search_surface(search)
+        else:
+            search.run_random(asked.starts, asked.seed, every)
+        search.settle()
         return _result(search, shape, sample, known)
     if near is not None:
         search.from_neighbours(beside)
@@ -275,8 +277,9 @@ def _fit_curves(
             except MeasurementError as error:  # beyond [0, 1] by more than the noise of this curve
                 refused, gained = error, True
                 continue
-            least = SAME_CHI2 * max(best.cost[i] / max(search.dof[i], 1), 1.0 if sigma else 0.0)
-            if not begun or found.cost < best.cost[i] - least:
+            cost, noise = search.best.cost[i], np.broadcast_to(search.curves.noise, lanes.count)[i]
+            least = SAME_CHI2 * max(cost / max(search.dof[i], 1), 1.0 if sigma else 0.0)
+            if not begun or found.cost * found.noise**2 < (cost - least) * noise**2:
                 begun = gained = True
                 for place in batch.places(found).T:
                     search.run(np.repeat(place[:, None], len(every), 1), every)
@@ -298,7 +301,7 @@ def _result(
     """
     u, curves, seen = search.job.u, search.curves, search.curves.seen
     names = tuple(curves.values)
-    if not {*names} <= {*POWERS}:
+    if search.job.weighed or not {*names} <= {*POWERS}:
         return fit_of_batch(search, shape, sample, known=known)
     value = np.concatenate([curves.values[q] for q in names], 1)
     rows = np.concatenate([seen.row[seen.quantity == q] for q in names])
@@ -356,7 +359,8 @@ def _to_search(
     free = np.array([i for i in np.flatnonzero(search.known) if i not in searched], int)
     if not len(free) or not many:
         return []
-    reduced = np.where(best.done, best.cost, np.inf)[free] / np.maximum(search.dof[free], 1)
+    cost = np.where(best.done, best.cost * search.curves.noise**2, np.inf)
+    reduced = cost[free] / np.maximum(search.dof[free], 1)
     worst = free[np.argsort(-reduced, kind="stable")][: many // 2]
     rest = np.setdiff1d(free, worst)
     by_chance = random.permutation(rest)[: many - len(worst)]
