@@ -34,7 +34,10 @@ from fitting.samples.parameters import names_of, plain_name
 from fitting.samples.sample import Sample
 
 _Place = tuple[int, ...]
-_OPTIONS = ("free", "fixed", "bounds", "tie", "errors", "intervals", "start", "seed", "check")
+_OPTIONS = (
+    "free", "fixed", "bounds", "priors", "tie", "loss", "errors", "intervals", "starts", "start",
+    "seed", "check",
+)  # fmt: skip
 # The warnings of a pixel that the sample, at this minimum, does not describe.
 _MISFITS = ("chi2_large", "does_not_describe")
 # A minimum is another one if its cost is lower by such a part.
@@ -83,7 +86,8 @@ def _begin(cube: Cube, sample: Sample, options: Mapping[str, Any]) -> dict[str, 
     if options["shared"]:
         shared, added = _shared(found, options["shared"])
         fit["fixed"] = {**fit.get("fixed", {}), **{n: value for n, (value, _) in shared.items()}}
-        fit["bounds"] = {n: b for n, b in fit.get("bounds", {}).items() if n not in shared}
+        for kind in ("bounds", "priors"):
+            fit[kind] = {n: v for n, v in fit.get(kind, {}).items() if n not in shared}
         found = fit_many(**{**fit, **curves})
     determined = np.isin(found.status, DETERMINED) & np.isfinite([*added.values()]).all(0)
     good = determined if determined.any() else good
@@ -151,8 +155,9 @@ def _fitted(store: MapStore, index: Any, curves: dict[str, Any]) -> dict[str, np
         starts = {n: np.array(both)[:, nearest] for n, both in starts.items()}
         found = fit_many(**{**fit, "start": starts, "check": 0})
         if begin["describes"] and _missed(found).any():  # the worst ones are searched afresh
-            cost, found = found.cost, fit_many(**{**fit, "start": _minima(found)})
-            lower = found.cost < (1.0 - _LOWER) * cost
+            before, found = found, fit_many(**{**fit, "start": _minima(found)})
+            cost = before.cost * before.noise**2  # in units of one noise
+            lower = found.cost * found.noise**2 < (1.0 - _LOWER) * cost
     else:
         found = fit_many(**fit)
     out = {"chi2": np.array(found.chi2_reduced), "warnings": np.zeros(found.shape, np.uint64)}
@@ -289,8 +294,9 @@ def fit_map(
         block: about so many curves are fitted together; two such blocks are in memory at a time.
         check: of a film, so many of the pixels of the grid, and of the badly described pixels of
             each block, are searched afresh.
-        options: free, fixed, bounds, tie, errors, intervals, seed as for `fit_many`; start: name ->
-            value from which the pixels of the grid begin, and those of a bare surface.
+        options: free, fixed, bounds, priors, tie, loss, errors, intervals, starts, seed as for
+            `fit_many`; start: name -> value from which the pixels of the grid begin, and those of
+            a bare surface.
 
     Returns:
         An xarray Dataset, not loaded: of each fitted parameter its value, `_sigma`, `_lower` and
