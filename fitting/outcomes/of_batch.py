@@ -93,8 +93,10 @@ def _beside(
         here = out.of(go)
         step, error = here.known.step, here.known.edge * np.sqrt(here.known.variance)[:, None]
         ahead = np.clip((here.y + step).T, low, high)
-        # Without a known scatter every step is looked at.
+        # Without a known scatter every step is looked at, and so is one that a bound cuts: of two
+        # unknowns that change together only one may go on.
         far = ((step != 0.0) & ~(np.abs(step) <= _SMALL * error)).any(1)
+        far |= (ahead != (here.y + step).T).any(0)
         out.y[go[~far]], out.cost[go[~far]] = ahead[:, ~far].T, promised[~far]
         go, cost = go[far], here.cost[far]
         if not len(go):

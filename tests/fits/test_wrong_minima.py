@@ -258,6 +258,18 @@ def test_what_is_undetermined_lies_within_its_own_range():
         assert (found.rms[some] <= start.rms[some] * (1.0 + 1e-6)).all()
 
 
+def test_a_last_step_that_a_bound_cuts_is_looked_at():
+    """At k = 0 the half of a step that was left led off the circle, to where R = 0 fits as well.
+
+    "no reflection", converged, with a chi2 711 above the best; found by `fit_success`.
+    """
+    batch, _ = draw(20261202, 82)
+    one = batch.take(np.array([227]))
+    angles, data = one.padded()
+    found = fit_many(angles, **data, sample=f"{one.geometry.eta_i!r} | free", errors="equal")
+    assert found.status == "undetermined" and found.rms < 1.5 * one.noise
+
+
 @pytest.mark.study
 @pytest.mark.parametrize("number", range(4))
 def test_measurements_drawn_at_random(number):
