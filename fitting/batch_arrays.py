@@ -167,10 +167,13 @@ def start_of(
     for name, value in known.items():
         try:
             array = np.asarray(value, float) + np.zeros(shape)
+            if array.shape[array.ndim > len(shape) :] != shape:
+                raise ValueError
         except (TypeError, ValueError):
             raise ValueError(
                 f"the start of {name} is {str(value)[:40]}, of the shape {np.shape(value)}; a real "
-                f"number, or an array of them of the shape {shape}, was wanted."
+                f"number, or an array of them of the shape {shape}, was wanted, or several of "
+                "these on an axis in front."
             ) from None
         # Where the other fit has no value its middle one serves.
         array = np.where(np.isfinite(array), array, np.nanmedian(array))

@@ -311,15 +311,17 @@ def _other_minima(found: FitData, ok: np.ndarray) -> Iterator[tuple[Any, ...]]:
     }  # fmt: skip
 
 
-def contradicted_priors(u: Unknowns, known: Mapping[str, Estimate]) -> Iterator[Finding]:
-    """Yield the finding on priors from which fits are far away."""
+def contradicted_priors(
+    u: Unknowns, known: Mapping[str, Estimate], status: Any
+) -> Iterator[Finding]:
+    """Yield the finding on priors from which fits are far away, if they converged."""
     each = [(u.labels.get(w.parameter.name, ""), w.prior) for w in u.moving if w.prior]
     each = [(name, *prior) for name, prior in each if name in known]
     if not each:
         return
     value = np.stack([known[name].value for name, *_ in each], -1)
     errors = np.abs([(value[..., j] - mean) / sigma for j, (_, mean, sigma) in enumerate(each)])
-    away = errors > PRIOR_ERRORS
+    away = (errors > PRIOR_ERRORS) & np.not_equal(status, NOT_CONVERGED)
     told = np.empty(away.shape[1:], object)
     for i in map(tuple, np.argwhere(away.any(0))):
         told[i] = {name: (mean, sigma, float(value[i][j]), float(errors[j][i]))

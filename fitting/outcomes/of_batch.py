@@ -92,11 +92,12 @@ def _beside(
     for _ in range(_STEPS if search.job.u.spec.loss == "squares" else 0):
         here = out.of(go)
         step, error = here.known.step, here.known.edge * np.sqrt(here.known.variance)[:, None]
-        ahead = np.clip((here.y + step).T, low, high)
+        whole = (here.y + step).T
+        ahead = np.clip(whole, low, high)
         # Without a known scatter every step is looked at, and so is one that a bound cuts: of two
         # unknowns that change together only one may go on.
         far = ((step != 0.0) & ~(np.abs(step) <= _SMALL * error)).any(1)
-        far |= (ahead != (here.y + step).T).any(0)
+        far |= (ahead != whole).any(0)
         out.y[go[~far]], out.cost[go[~far]] = ahead[:, ~far].T, promised[~far]
         go, cost = go[far], here.cost[far]
         if not len(go):

@@ -276,5 +276,5 @@ def result_of(
         _unseen(u, m.known, put), put(missed_noise),
     )  # fmt: skip
     quadratic = put(ranges[0].quadratic[:, u.free])
-    told = [*told, *contradicted_priors(u, free), *not_quadratic(free, quadratic)]
+    told = [*told, *contradicted_priors(u, free, found.status), *not_quadratic(free, quadratic)]
     return replace(found, findings=ranked(told))

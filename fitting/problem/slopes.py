@@ -38,6 +38,11 @@ class Slopes(NamedTuple):
     plain: np.ndarray
     kind: np.ndarray
 
+    @property
+    def finite(self) -> bool:
+        """Whether all residuals and derivatives are."""
+        return bool(np.isfinite(self.residual).all() and np.isfinite(self.jacobian).all())
+
 
 def slopes_at(spec: Spec, seen: Observations, targets: Targets, y: np.ndarray) -> Slopes:
     """Return residuals and derivatives with respect to the solver's coordinates y (p,)."""

@@ -100,7 +100,7 @@ def _stuck_or_far(fit: Problem, y: np.ndarray, noise: float) -> tuple[bool, bool
     Where derivatives of the caller's function are not finite no step is known.
     """
     begun, s = fit.first[0] if fit.first else y, fit.slopes(y)
-    if not (np.isfinite(s.residual).all() and np.isfinite(s.jacobian).all()):
+    if not s.finite:
         return True, True
     cost, known = fit.cost(s, y, noise), uncertainty_at(fit, s, y, noise)
     promised = float(np.sum((s.jacobian @ known.step / noise) ** 2))
@@ -112,8 +112,7 @@ def _stuck_or_far(fit: Problem, y: np.ndarray, noise: float) -> tuple[bool, bool
 def polished(fit: Problem, y: np.ndarray, noise: float) -> tuple[np.ndarray, Slopes]:
     """Return the minimum next to y (p,), along a curved valley too, and the derivatives there."""
     s = fit.slopes(y)
-    finite = np.isfinite(s.residual).all() and np.isfinite(s.jacobian).all()
-    if fit.u.spec.loss != "squares" or not finite:
+    if fit.u.spec.loss != "squares" or not s.finite:
         return y, s
     cost = fit.cost(s, y, noise)
     for _ in range(_STEPS):
@@ -180,7 +179,7 @@ def refined(fit: Problem, y: np.ndarray, noise: float, polish: bool = True) -> E
     polish: take the last steps, too.
     """
     y, s = polished(fit, y, noise) if polish else (y, fit.slopes(y))
-    finite = all(bool(np.isfinite(a).all()) for a in (y, s.residual, s.jacobian))
+    finite = s.finite and bool(np.isfinite(y).all())
     if not finite:
         s = s._replace(jacobian=np.zeros_like(s.jacobian), residual=np.zeros_like(s.residual))
     return End(y, s, uncertainty_at(fit, s, y, noise), fit.cost(s, y, noise), finite)

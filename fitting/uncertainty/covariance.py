@@ -132,7 +132,7 @@ def uncertainty(
         variance, curvature = np.where(dof > 0, np.vecdot(r, r) / many, 1.0), 1.0
     else:
         used = (J != 0.0).any(-1) | (r != 0.0)  # a batch has rows without data
-        curvature = np.maximum((bend * used).sum(-1) / used.sum(-1), 1e-3)
+        curvature = np.maximum((bend * used).sum(-1) / np.maximum(used.sum(-1), 1), 1e-3)
         variance = np.vecdot(pull, pull) / many / curvature**2
     if not scaled:
         variance = 1.0 if u.spec.loss == "squares" else np.maximum(variance, 1.0)

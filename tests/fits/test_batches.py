@@ -133,6 +133,8 @@ def test_a_wrong_fringe_order_of_near_is_found_out():
     several = {**wrong, "thickness_nm": np.stack([np.full(6, 690.0), thickness + 5.0])}
     both = fit_many(0.0, WAVES, **options, start=several, check=0)
     np.testing.assert_allclose(both.parameters["thickness_nm"].value, thickness, atol=5.0)
+    with pytest.raises(ValueError, match="several of these on an axis in front"):
+        fit_many(0.0, WAVES, **options, start={n: np.ones((5, 7)) for n in wrong})
 
 
 @pytest.mark.study
