@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from fitting.problem.lanes import Ends
+from fitting.problem.slopes import Slopes
 from fitting.searching.last_steps import followed, polished
 from fitting.uncertainty.covariance import uncertainty_at
 
@@ -14,9 +15,9 @@ def a_bent_valley(highest=2.0):
 
     def slopes(y):
         residual = np.array([10.0 * (y[1] - y[0] ** 2), 1.0 - y[0]])
-        return SimpleNamespace(
-            residual=residual, jacobian=np.array([[-20.0 * y[0], 10.0], [-1.0, 0.0]])
-        )
+        jacobian = np.array([[-20.0 * y[0], 10.0], [-1.0, 0.0]])
+        nothing = np.empty(0)  # these residuals are of no curve
+        return Slopes(nothing, residual, jacobian, nothing, nothing, nothing)
 
     return SimpleNamespace(
         u=SimpleNamespace(
