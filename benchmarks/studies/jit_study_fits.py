@@ -124,8 +124,9 @@ def _off(found: Any, expected: Any) -> float:
             np.ravel(x)
             for x in (one.value, expected.parameters[name].value, expected.parameters[name].sigma)
         )
-        off = np.where(value == other, 0.0, np.abs(value - other) / sigma)
-        worst = max(worst, float(np.max(off[sigma > 0.0])))
+        with np.errstate(all="ignore"):  # sigma is 0 where a parameter is held
+            off = np.where(value == other, 0.0, np.abs(value - other) / sigma)
+        worst = max(worst, float(np.max(np.nan_to_num(off, nan=np.inf))))
     return worst
 
 

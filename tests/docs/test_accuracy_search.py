@@ -183,7 +183,7 @@ def test_the_study_of_jit_sees_one_wrong_row(monkeypatch):
 
 def test_the_study_of_jit_reaches_the_programs_of_the_fits():
     """In a process of its own, in which it replaces what compiles before `fitting` is imported."""
-    options = ["--only", "fit of one bare surface", "--points", "100"]
+    options = ["--only", "fit of plate, R and T", "--points", "100"]  # with a held parameter
     command = [sys.executable, "-m", "benchmarks.studies.jit_study", *options]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-2000:]
