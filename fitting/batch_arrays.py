@@ -178,6 +178,12 @@ def start_of(
         # Where the other fit has no value its middle one serves.
         array = np.where(np.isfinite(array), array, np.nanmedian(array))
         out[name] = array.reshape(-1, max(int(np.prod(shape)), 1))
+    counts = {n: len(v) for n, v in out.items() if len(v) > 1}
+    if len({*counts.values()}) > 1:
+        raise ValueError(
+            f"start holds {', '.join(f'{k} starts of {n}' for n, k in counts.items())}; as many of "
+            "each, or one for all, was wanted."
+        )
     return out
 
 

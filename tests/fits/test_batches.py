@@ -135,6 +135,8 @@ def test_a_wrong_fringe_order_of_near_is_found_out():
     np.testing.assert_allclose(both.parameters["thickness_nm"].value, thickness, atol=5.0)
     with pytest.raises(ValueError, match="several of these on an axis in front"):
         fit_many(0.0, WAVES, **options, start={n: np.ones((5, 7)) for n in wrong})
+    with pytest.raises(ValueError, match="2 starts of thickness_nm, 3 starts of A"):
+        fit_many(0.0, WAVES, **options, start={**several, "A": np.full((3, 6), 1.46)})
 
 
 @pytest.mark.study
