@@ -6,7 +6,7 @@
 
 import importlib.util
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -59,6 +59,7 @@ class Built:
     points: Callable  # (c, eta) or (c, eta, k) -> R
     curve: Callable
     in_jax: Callable | None = None  # the untraced function, where it can be differentiated
+    gradient: Callable | None = None  # (c, eta, k) -> (3, N), by other means
     to_device: Callable = np.asarray
     wait: Callable = np.shape  # arrays that are there already
 
@@ -109,11 +110,11 @@ def build(name: str, dtype: str) -> Built:
     contestant = next(x for x in CONTESTANTS if x.name == name)
     if contestant.family == PEER:
         built = peers.ALL[name](dtype)
-        in_jax = getattr(built, "in_jax", None)
+        in_jax, gradient = (getattr(built, x, None) for x in ("in_jax", "gradient"))
         pad = _zero_k(built.points), _zero_k(built.curve)
         if contestant.package in ("tmmax", "jaxlayerlumos"):
-            return _in_jax(*pad, in_jax)
-        return Built(*pad)
+            return replace(_in_jax(*pad, in_jax), gradient=gradient)
+        return Built(*pad, gradient=gradient)
     if name in ("NumPy, real form",):
         return Built(_zero_k(numpy_real_form), _zero_k(numpy_real_form))
     if name in LIMITS_IN_PLACE:

@@ -2,6 +2,8 @@
 
 `points(c, eta, k)` gives R of unpolarized light at points that each have a material of their own;
 `curve(c, eta, k)` the same for one material at many angles, the way in which the package is fast.
+`in_jax(c, eta, k)` is R as a function that JAX can compile; `gradient(c, eta, k)` the derivatives
+of R, (3, N), of another package that has them.
 """
 
 import glob
@@ -40,19 +42,30 @@ class TmmFast:
 
     def _R(self, index, angle):
         torch = self._torch
-        layers = np.stack([np.ones_like(index), index], 1)[:, :, None]
-        index = torch.as_tensor(layers, dtype=torch.complex128)
+        layers = torch.stack([torch.ones_like(index), index], 1)[:, :, None]
         thickness = torch.full((len(layers), 2), np.inf, dtype=torch.float64)
-        angle = torch.as_tensor(angle, dtype=torch.float64)
         wavelength = torch.ones(1, dtype=torch.float64)
-        R = sum(self._solve(p, index, thickness, angle, wavelength)["R"] for p in "sp")
-        return 0.5 * R[:, :, 0].numpy()
+        R = sum(self._solve(p, layers, thickness, angle, wavelength)["R"] for p in "sp")
+        return 0.5 * R[:, :, 0]
+
+    def _of_arrays(self, c, index):
+        angle, index = self._torch.as_tensor(np.arccos(c)), self._torch.as_tensor(index)
+        return self._R(index, angle).numpy()
 
     def points(self, c, eta, k):
-        return np.diagonal(self._R(eta + 1j * k, np.arccos(c)))
+        return np.diagonal(self._of_arrays(c, eta + 1j * k))
 
     def curve(self, c, eta, k):
-        return self._R(np.atleast_1d(eta + 1j * k), np.arccos(c))[0]
+        return self._of_arrays(c, np.atleast_1d(eta + 1j * k))[0]
+
+    def gradient(self, c, eta, k):
+        # One by one: a NaN of a grid would fill the derivatives of all its points.
+        out = []
+        for point in zip(c, eta, k, strict=True):
+            cosine, *index = (self._torch.tensor([x], requires_grad=True) for x in point)
+            self._R(self._torch.complex(*index), self._torch.arccos(cosine)).sum().backward()
+            out.append([x.grad.item() for x in (cosine, *index)])
+        return np.array(out).T
 
 
 class Tmmax:
@@ -76,6 +89,8 @@ class Tmmax:
 
 
 class JaxLayerLumos:
+    """Its gradient is not counted: jit and vmap of it end in an error, and a point takes 0.3 s."""
+
     package, dtypes = "jaxlayerlumos", ("float64",)
 
     def __init__(self, dtype):
@@ -187,6 +202,14 @@ class Mitsuba:
         return R
 
     curve = points
+
+    def gradient(self, c, eta, k):
+        mi, dr = self._mitsuba, self._drjit
+        variables = [mi.Float(x) for x in (c, eta, k)]
+        dr.enable_grad(*variables)
+        cosine, *index = variables
+        dr.backward(mi.fresnel_conductor(cosine, mi.Complex2f(*index)))
+        return np.array([dr.grad(x).numpy() for x in variables])
 
 
 ALL = {x.__name__: x for x in (Tmm, TmmFast, Tmmax, JaxLayerLumos, PyElli, PyMoosh, Mitsuba)}

@@ -1,9 +1,9 @@
 """Where each method fails: `make stability`, or `python -m benchmarks.stability`.
 
-Every method computes R of unpolarized light, and its gradient where it is in JAX, at the hard sets
-of the tests; truth is the textbook's quotient of amplitudes in 100 digits. Most methods take only
-an index relative to vacuum, so all of them get the relative index, rounded to the precision of the
-run, and the truth is that of the rounded one: nobody is charged for the division.
+Every method computes R of unpolarized light, and its gradient if it is in JAX, PyTorch or Dr.Jit,
+at the hard sets of the tests; truth is the textbook's quotient of amplitudes in 100 digits. Most
+methods take only an index relative to vacuum, so all of them get the relative index, rounded to the
+precision of the run, and the truth is that of the rounded one: nobody is charged for the division.
 
 Counted are values off by more than 1e-3 and by more than 1e3 eps of R (of eps^2 where R is less),
 NaN and infinities; of gradients the same, relative to the gradient's norm. Where the true gradient
@@ -42,7 +42,7 @@ CHUNK = 100  # some packages compute every angle with every material, and fill t
 
 @dataclass(frozen=True)
 class Method:
-    """R, and its gradient if the method is in JAX, on NumPy arrays (c, eta, k)."""
+    """R, and its gradient if the method has one, on NumPy arrays (c, eta, k)."""
 
     name: str
     family: str
@@ -62,14 +62,17 @@ def method(contestant, dtype: str) -> Method:
         warnings.simplefilter("ignore")
         built = build(contestant.name, dtype)
 
+    def of_peer(function, point):
+        starts = range(0, len(point[0]), CHUNK)
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            parts = [function([_piece(x, i) for x in point]) for i in starts]
+        return np.concatenate(parts, -1)[..., : len(point[0])]
+
     def value(*point):
         point = point[:arguments]
         if contestant.family == PEER:
-            pieces = range(0, len(point[0]), CHUNK)
-            with np.errstate(all="ignore"), warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                parts = [_call(built, [_piece(x, i) for x in point]) for i in pieces]
-            return np.concatenate(parts)[: len(point[0])]
+            return of_peer(lambda some: _call(built, some), point)
         return _call(built, point)
 
     gradient = None
@@ -79,6 +82,10 @@ def method(contestant, dtype: str) -> Method:
 
         def gradient(*point):
             return np.array([np.asarray(x) for x in compiled(*point[:arguments])])
+    elif built.gradient is not None:
+
+        def gradient(*point):
+            return of_peer(lambda some: built.gradient(*some), point)
 
     return Method(
         contestant.name, contestant.family, contestant.lossless, contestant.lossy, value, gradient
