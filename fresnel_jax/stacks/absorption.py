@@ -252,12 +252,13 @@ def absorbed(
     per_g: Complex,
     u: Pair,
     w: Pair,
+    up: Pair,
     down: Pair,
 ) -> Array:
     """The power at the near side of the layer less that at its far side, over |f|^-2."""
     z = times(per_g, layer.q)
     inside = along(layer, z, kappa)
-    waves = absorbed_by_waves(weight, inside, plus(times(z, u), w), down)
+    waves = absorbed_by_waves(weight, inside, up, down)
     series = power_in_thin(weight, thin, g, per_g, u, w)
     far = 0.25 * waves * reciprocal_or_zero(squared_modulus(z))
     return jnp.where(is_thin, inside.intensity * series, far)

@@ -207,22 +207,20 @@ def _mismatches_of_layer_jvp(primals, tangents):
 
 
 @jax.custom_jvp
-def _deviation(near, u, w, m, q_over_g, wave_e, step, u_new, w_new, q0):
+def _deviation(near, m, up, wave_e, step, u_new, w_new, q0):
     """M' of one layer; near the layer's critical angle its derivative is that of Q_0 U' - W'."""
-    return plus(times(wave_e, m), times(step, plus(times(q_over_g, u), w)))
+    return plus(times(wave_e, m), times(step, up))
 
 
 @_deviation.defjvp
 def _deviation_jvp(primals, tangents):
-    near, u, w, m, q_over_g, wave_e, step, u_new, _, q0 = primals
-    _, du, dw, dm, dq_over_g, dwave_e, dstep, du_new, dw_new, dq0 = tangents
-    down = plus(times(q_over_g, u), w)
-    d_down = plus(plus(times(dq_over_g, u), times(q_over_g, du)), dw)
+    near, m, up, wave_e, step, u_new, _, q0 = primals
+    _, dm, d_up, dwave_e, dstep, du_new, dw_new, dq0 = tangents
     far = plus(
-        plus(times(dwave_e, m), times(wave_e, dm)), plus(times(dstep, down), times(step, d_down))
+        plus(times(dwave_e, m), times(wave_e, dm)), plus(times(dstep, up), times(step, d_up))
     )
     close = minus(plus(times(q0, du_new), times(dq0, u_new)), dw_new)
-    return plus(times(wave_e, m), times(step, down)), choose(near, close, far)
+    return plus(times(wave_e, m), times(step, up)), choose(near, close, far)
 
 
 def _power_of_two_below(x: Array) -> Array:
@@ -261,27 +259,51 @@ def crossed(u: Pair, w: Pair, layer: Wave, g: Complex, per_g: Complex) -> tuple[
     )
 
 
+@jax.custom_jvp
+def _crossed_by_sum(u, w, up, round_trip, half, over_q, cosine, q_sine):
+    """`crossed` by S = Z U + W: U' = E U + sigma g S and W' = E W + Q sigma S.
+
+    Both have one rounding of S. Behind an absorbing medium the wave of Im Q >= 0 may run backward;
+    then S nearly cancels, and by W and U apart r was 580 eps off. The derivative is that of
+    `crossed`, in which no dQ occurs.
+    """
+    return plus(times(round_trip, u), times(over_q, up)), plus(
+        times(round_trip, w), times(half, up)
+    )
+
+
+@_crossed_by_sum.defjvp
+def _crossed_by_sum_jvp(primals, tangents):
+    u, w, _, _, _, over_q, cosine, q_sine = primals
+    du, dw, _, _, _, d_over_q, d_cosine, d_q_sine = tangents
+
+    def moved(z, dz, slope, factor, d_factor):
+        return plus(
+            plus(times(d_cosine, z), times(cosine, dz)),
+            plus(times(d_factor, slope[0]), times(factor, slope[1])),
+        )
+
+    return _crossed_by_sum(*primals), (
+        moved(u, du, (w, dw), over_q, d_over_q), moved(w, dw, (u, du), q_sine, d_q_sine)
+    )  # fmt: skip
+
+
 def through_layer(
-    fields: Fields, here: Medium, layer: Wave, front: Ambient, h: tuple[Pair, Pair]
+    fields: Fields, here: Medium, layer: Wave, front: Ambient, h: tuple[Pair, Pair], up: Any
 ) -> Fields:
-    """The fields at the near side of a layer from those at its far side."""
+    """The fields at the near side of a layer from those at its far side, where Z U + W is `up`."""
     q0 = pair(front.q)
     out = []
     for p, (g, per_g) in enumerate(((ONE, ONE), (here.g, here.per_g))):
         u, w, m, f = (z[p] for z in fields)
-        u_new, w_new = crossed(u, w, layer, g, per_g)
+        u_new, w_new = _crossed_by_sum(
+            u, w, up[p], layer.round_trip, times(layer.q, layer.sine_over_q),
+            times(g, layer.sine_over_q), layer.cosine, times(per_g, layer.q_sine),
+        )  # fmt: skip
         m_new = _deviation(
-            layer.near_critical,
-            u,
-            w,
-            m,
-            times(per_g, layer.q),
-            layer.round_trip,
-            times(layer.sine_over_q, h[p]),
-            u_new,
-            w_new,
-            q0,
-        )
+            layer.near_critical, m, up[p], layer.round_trip, times(layer.sine_over_q, h[p]),
+            u_new, w_new, q0,
+        )  # fmt: skip
         out.append((u_new, w_new, m_new, times(f, layer.passage)))
     return Fields(*zip(*out, strict=True))
 
@@ -484,6 +506,11 @@ def solve_fields(
             below = tuple(zip(fields.u, fields.w, strict=True))
             fields = whole(rough_boundary(fields, factors, front.q))
         h = mismatches_of_layer(inside.near_critical, here, front, inside.q)
+        up = tuple(
+            plus(times(times(per_g, inside.q), u), w)
+            for u, w, per_g in zip(fields.u, fields.w, (ONE, here.per_g), strict=True)
+        )
+        up = jax.tree.map(computed_once, up)
         down = tuple(
             _coming_back(u, w, m, times(per_g, inside.q), times(per_g, z))
             for u, w, m, per_g, z in zip(*fields[:3], (ONE, here.per_g), h, strict=True)
@@ -494,12 +521,12 @@ def solve_fields(
             near = is_thin(kappa, q2)
             thin = thin_layer(kappa, choose(near, q2, ZERO))
             of_both = zip(
-                fields.u, fields.w, down, (ONE, here.g), (ONE, here.per_g),
+                fields.u, fields.w, up, down, (ONE, here.g), (ONE, here.per_g),
                 weights(im[0], here.n2, here.n2_along, n02, front.transverse2), strict=True,
             )  # fmt: skip
             losses = tuple(
-                absorbed(weight, inside, kappa, near, thin, g, per_g, u, w, back)
-                for u, w, back, g, per_g, weight in of_both
+                absorbed(weight, inside, kappa, near, thin, g, per_g, u, w, ahead, back)
+                for u, w, ahead, back, g, per_g, weight in of_both
             )
         passage2 = squared_modulus(inside.passage)
         if im is None:
@@ -515,7 +542,7 @@ def solve_fields(
         )
         narrow = tuple(slice(1 if size == 1 else None) for size in re[0].shape)
         seen = Inside(whole(inside), at(narrow, inside.q), fields.u, whole(down), scale, below)
-        fields = through_layer(fields, here, inside, front, h)
+        fields = through_layer(fields, here, inside, front, h, up)
         if count <= _UNROLLED:  # else they stand in memory as the carry of the loop
             fields, powers = jax.tree.map(computed_once, (fields, powers))
         return whole((fields, powers)), (losses, seen)

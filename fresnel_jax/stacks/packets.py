@@ -242,8 +242,8 @@ def _one_polarization(
     going_on: list[tuple[Array, Array, Array]] = []
     returned = jnp.zeros_like(R)  # the part of R from behind the packet at hand
     for front, back, (P, gone) in reversed(list(zip(fronts[:-1], backs, passages, strict=True))):
-        # 1 - R' P^2 R, without cancellation for mirrors that face each other. Evanescent light meets
-        # an R' far above 1 at a film that guides a mode, and its 1 - R' would cancel in turn.
+        # 1 - R' P^2 R, without cancellation for mirrors that face each other. Where a film guides a
+        # mode evanescent light meets an R' far above 1, and its 1 - R' would cancel in turn.
         mirrors = _lost(back) + back.R * (gone * (1.0 + P) + P * P * lost)
         reflections = jnp.where(back.R > 2.0, 1.0 - back.R * P * P * R, mirrors)
         summed = jnp.where((gone < 0.0) & (reflections <= 0.0), jnp.nan, front.T)
