@@ -78,6 +78,8 @@ def incoherent(coherent):
             if i + 1 < count:
                 rows[count + i][count + i + 1] -= fronts[i + 1][1] * P[i + 1]
         solved = _solved(rows, [fronts[0][1], *[_ZERO] * (2 * count - 1)])
+        if min(solved) < 0:
+            return None  # the sum over the reflections diverges
         down, up = solved[:count], solved[count:]
         absorbed = []
         for i in range(count + 1):
@@ -97,10 +99,13 @@ def incoherent(coherent):
         c, media, thicknesses, w = split(*columns)
         with gmpy2.context(gmpy2.get_context(), precision=500 + 650 * len(thicknesses)):
             N, Q = normal_wavevectors(c, media)
-            (R_s, T_s, A_s), (R_p, T_p, A_p) = (
+            both = [
                 one(Y, Q, thicknesses, w)
                 for Y in (Q, [q / (z * z) for q, z in zip(Q, N, strict=True)])
-            )
+            ]
+            if None in both:
+                return None
+            (R_s, T_s, A_s), (R_p, T_p, A_p) = both
             return [(x, None) for x in (R_s, R_p, T_s, T_p, *A_s, *A_p)]
 
     def ours(*columns):
