@@ -510,7 +510,7 @@ def solve_fields(
             plus(times(times(per_g, inside.q), u), w)
             for u, w, per_g in zip(fields.u, fields.w, (ONE, here.per_g), strict=True)
         )
-        up = jax.tree.map(computed_once, up)
+        up = jax.tree.map(computed_once, up)  # one rounding of Z U + W for all that read it
         down = tuple(
             _coming_back(u, w, m, times(per_g, inside.q), times(per_g, z))
             for u, w, m, per_g, z in zip(*fields[:3], (ONE, here.per_g), h, strict=True)
