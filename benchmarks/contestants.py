@@ -6,7 +6,7 @@
 
 import importlib.util
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -110,11 +110,11 @@ def build(name: str, dtype: str) -> Built:
     contestant = next(x for x in CONTESTANTS if x.name == name)
     if contestant.family == PEER:
         built = peers.ALL[name](dtype)
-        in_jax, gradient = (getattr(built, x, None) for x in ("in_jax", "gradient"))
+        in_jax = getattr(built, "in_jax", None)
         pad = _zero_k(built.points), _zero_k(built.curve)
         if contestant.package in ("tmmax", "jaxlayerlumos"):
-            return replace(_in_jax(*pad, in_jax), gradient=gradient)
-        return Built(*pad, gradient=gradient)
+            return _in_jax(*pad, in_jax)
+        return Built(*pad, gradient=getattr(built, "gradient", None))
     if name in ("NumPy, real form",):
         return Built(_zero_k(numpy_real_form), _zero_k(numpy_real_form))
     if name in LIMITS_IN_PLACE:

@@ -1,4 +1,4 @@
-"""Stacks with incoherent layers: answers of the package tmm and in 300 digits; derivatives."""
+"""Stacks with incoherent layers: answers of the package tmm and in 500 digits; derivatives."""
 
 import jax
 import jax.numpy as jnp
